@@ -1,0 +1,1 @@
+//! The command line: fills options, prints reports, sets exit codes.

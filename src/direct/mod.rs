@@ -1,0 +1,1 @@
+//! Light from emitters straight to every element.

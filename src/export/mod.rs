@@ -1,0 +1,1 @@
+//! Document + atlas + lightmap -> files.

@@ -1,0 +1,1 @@
+//! Coarse radiosity -> indirect irradiance of every element.

@@ -1,0 +1,3 @@
+//! The `lightkiln` command.
+
+fn main() {}

@@ -1,0 +1,233 @@
+//! What a caller may choose: one struct a stage, every default written once, beside its field.
+
+use crate::units::Radiance;
+use std::path::PathBuf;
+
+/// Everything `bake` can be told.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct BakeOptions {
+    /// Reading the file.
+    pub import: ImportOptions,
+    /// Texture space.
+    pub atlas: AtlasOptions,
+    /// The effort of the light stages; see [`Quality::light`].
+    pub light: LightOptions,
+    /// What is written and how.
+    pub export: ExportOptions,
+}
+
+/// How the numbers of lamps are meant.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LampUnits {
+    /// `Blender` when Blender's exporter wrote the file, else `Gltf`.
+    #[default]
+    Auto,
+    /// Blender's "Standard" export: divided by 683 lm/W; emission as is; Blender's spot curve.
+    Blender,
+    /// Numbers as they are, W/sr and W/m²; Blender's spot curve.
+    Unitless,
+    /// Candela and lux taken literally; the result is photometric.
+    Gltf,
+}
+
+/// Where the sky comes from when the caller gives one.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum SkyOption {
+    /// The same radiance from everywhere.
+    Constant(#[serde(serialize_with = "rgb")] Radiance),
+    /// An equirectangular image (EXR or Radiance HDR), multiplied by a strength.
+    Image {
+        /// The file.
+        path: PathBuf,
+        /// Multiplies every pixel.
+        strength: f32,
+    },
+}
+
+fn rgb<S: serde::Serializer>(radiance: &Radiance, to: S) -> Result<S::Ok, S::Error> {
+    serde::Serialize::serialize(&radiance.0.to_array(), to)
+}
+
+/// Reading the file.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct ImportOptions {
+    /// Name or index of the scene; the file's default scene when absent.
+    pub scene: Option<String>,
+    /// How the numbers of lamps are meant.
+    pub lamp_units: LampUnits,
+    /// Replaces the sky of the scene's extras.
+    pub sky: Option<SkyOption>,
+    /// Replaces the angular diameter of every sun, degrees.
+    pub sun_angle_deg: Option<f32>,
+    /// Whether a `uri` may lead out of the scene's folder.
+    pub allow_outside: bool,
+}
+
+/// Texture space.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct AtlasOptions {
+    /// Texels per metre; when absent, chosen so that one page is well filled.
+    pub density: Option<f32>,
+    /// Width and height of a page, texels.
+    pub page_size: u32,
+    /// The most pages that may be written; when the density wants more, it is lowered with a warning.
+    pub max_pages: u32,
+    /// Empty texels kept around every chart, so that a bilinear lookup stays inside.
+    pub gutter: u32,
+}
+
+impl Default for AtlasOptions {
+    fn default() -> Self {
+        Self { density: None, page_size: 1024, max_pages: 16, gutter: 2 }
+    }
+}
+
+/// The one knob.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+#[allow(missing_docs)]
+pub enum Quality {
+    Draft,
+    Preview,
+    #[default]
+    Good,
+    High,
+    Reference,
+}
+
+/// The effort of the light stages.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct LightOptions {
+    /// Direct light.
+    pub direct: DirectOptions,
+    /// The coarse solution.
+    pub solve: SolveOptions,
+    /// The final gather.
+    pub gather: GatherOptions,
+}
+
+impl Default for LightOptions {
+    fn default() -> Self {
+        Quality::default().light()
+    }
+}
+
+/// Direct light.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct DirectOptions {
+    /// Visibility rays every texel sends towards every lamp it may see, before anything is refined.
+    pub probe_rays: u32,
+    /// Visibility rays where the probes disagree.
+    pub penumbra_rays: u32,
+}
+
+/// Which solver finds the coarse solution.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Solver {
+    /// Shooting by largest unshot power, with ambient overshooting.
+    #[default]
+    Progressive,
+    /// The whole matrix, by relaxation.
+    Matrix,
+}
+
+/// The coarse solution.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct SolveOptions {
+    /// Which solver.
+    pub solver: Solver,
+    /// About how many patches the scene is cut into.
+    pub patches: u32,
+    /// Rays a patch sends to find its form factors; a power of two.
+    pub rays_per_patch: u32,
+    /// Stops when the unshot power is below this share of all reflected power.
+    pub tolerance: f64,
+}
+
+/// The final gather.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct GatherOptions {
+    /// Rays of one gather.
+    pub rays: u32,
+    /// Interpolates where nodes agree within this share of the local light; 0 gathers at every texel.
+    pub tolerance: f32,
+    /// Widest distance between nodes, texels; a power of two.
+    pub widest_cell: u32,
+}
+
+impl Quality {
+    /// The settings a level stands for.
+    pub fn light(self) -> LightOptions {
+        let level = |probe_rays, penumbra_rays, patches, rays, tolerance, widest_cell| LightOptions {
+            direct: DirectOptions { probe_rays, penumbra_rays },
+            solve: SolveOptions { solver: Solver::default(), patches, rays_per_patch: 64, tolerance: 1e-4 },
+            gather: GatherOptions { rays, tolerance, widest_cell },
+        };
+        match self {
+            Self::Draft => level(4, 16, 1000, 64, 0.08, 32),
+            Self::Preview => level(4, 32, 2000, 128, 0.06, 32),
+            Self::Good => level(8, 64, 4000, 256, 0.03, 16),
+            Self::High => level(8, 128, 8000, 1024, 0.02, 16),
+            Self::Reference => level(16, 256, 16000, 4096, 0.0, 16),
+        }
+    }
+}
+
+/// What a texel holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Store {
+    /// E/π: what a white diffuse surface would radiate.
+    #[default]
+    IrradianceOverPi,
+    /// E.
+    Irradiance,
+    /// b = ρE + e.
+    Radiosity,
+}
+
+/// Which light is stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+#[allow(missing_docs)]
+pub enum LightPart {
+    #[default]
+    Full,
+    Indirect,
+    Direct,
+}
+
+/// What happens to the lamps of the file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LampsOut {
+    /// They stay.
+    #[default]
+    Keep,
+    /// They stay and get `extras.baked: true`.
+    Tag,
+    /// Nodes lose their lamp.
+    Remove,
+}
+
+/// What is written and how.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct ExportOptions {
+    /// The baked file; beside the input with `.baked` in its name when absent.
+    pub output: Option<PathBuf>,
+    /// What a texel holds.
+    pub store: Store,
+    /// Which light is stored.
+    pub light: LightPart,
+    /// What happens to the lamps.
+    pub lamps: LampsOut,
+    /// Whether the EXRs go into the GLB.
+    pub embed: bool,
+    /// Whether texels are 32 bit instead of 16 bit floats.
+    pub full_float: bool,
+    /// A second file that stock viewers show lit.
+    pub preview: Option<PathBuf>,
+}

@@ -1,0 +1,106 @@
+//! How stages tell that they go on, and learn that they should stop. No clock, no printing: the caller has both.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+/// The stages, in pipeline order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+#[allow(missing_docs)]
+pub enum Stage {
+    Import,
+    Plan,
+    Atlas,
+    Transport,
+    Elements,
+    Direct,
+    Solve,
+    Gather,
+    Resolve,
+    Export,
+}
+
+impl Stage {
+    /// All stages, in order.
+    pub const ALL: [Self; 10] = [
+        Self::Import,
+        Self::Plan,
+        Self::Atlas,
+        Self::Transport,
+        Self::Elements,
+        Self::Direct,
+        Self::Solve,
+        Self::Gather,
+        Self::Resolve,
+        Self::Export,
+    ];
+
+    /// Lower-case name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Import => "import",
+            Self::Plan => "plan",
+            Self::Atlas => "atlas",
+            Self::Transport => "transport",
+            Self::Elements => "elements",
+            Self::Direct => "direct",
+            Self::Solve => "solve",
+            Self::Gather => "gather",
+            Self::Resolve => "resolve",
+            Self::Export => "export",
+        }
+    }
+}
+
+/// Listens to the bake. Called from the baking thread and from workers; must be quick.
+pub trait Observer: Sync {
+    /// A stage begins.
+    fn stage(&self, _stage: Stage) {}
+    /// `done` of `total` units of the current stage are finished.
+    fn advance(&self, _stage: Stage, _done: u64, _total: u64) {}
+    /// The share of the reflected power that the solver has not yet distributed, in `[0, 1]`.
+    fn unshot(&self, _fraction: f64) {}
+}
+
+/// An observer that does not listen.
+pub struct Silent;
+
+impl Observer for Silent {}
+
+/// What a stage is handed to report with: counts work, and answers whether to stop.
+pub struct Progress<'a> {
+    observer: &'a dyn Observer,
+    cancel: &'a AtomicBool,
+    stage: Stage,
+    done: AtomicU64,
+    total: u64,
+}
+
+impl<'a> Progress<'a> {
+    /// Announces `stage`, which has `total` units of work.
+    pub fn begin(observer: &'a dyn Observer, cancel: &'a AtomicBool, stage: Stage, total: u64) -> Self {
+        observer.stage(stage);
+        Self { observer, cancel, stage, done: AtomicU64::new(0), total }
+    }
+
+    /// The same stage goes on with another amount of work.
+    pub fn restart(&mut self, total: u64) {
+        self.done = AtomicU64::new(0);
+        self.total = total;
+    }
+
+    /// `units` more are done.
+    pub fn advance(&self, units: u64) {
+        let done = self.done.fetch_add(units, Ordering::Relaxed) + units;
+        self.observer.advance(self.stage, done.min(self.total), self.total);
+    }
+
+    /// Tells the observer the unshot share of the power.
+    pub fn unshot(&self, fraction: f64) {
+        self.observer.unshot(fraction);
+    }
+
+    /// Whether the caller wants the work so far, now.
+    pub fn cancelled(&self) -> bool {
+        self.cancel.load(Ordering::Relaxed)
+    }
+}

@@ -1,0 +1,1 @@
+//! Patches and form factors -> radiosity: the coarse solution of all interreflection.
