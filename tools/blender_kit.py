@@ -69,7 +69,7 @@ def unlit_material(name, colour):
 
 
 def texture(of_material, socket, name, rgba):
-    """Feeds `socket` from a new image. `rgba` is [rows from the top, columns, 4], as it is stored (sRGB for colours)."""
+    """Feeds `socket` from a new image; `rgba` is [rows from the top, columns, 4], as stored (sRGB for colours)."""
     height, width = rgba.shape[:2]
     image = bpy.data.images.new(name, width, height, alpha=True)
     image.pixels.foreach_set(np.ascontiguousarray(rgba[::-1], dtype=np.float32).ravel())
@@ -169,7 +169,11 @@ def wall_with_hole(name, low, high, hole_low, hole_high, of_material):
 
 def grid(name, columns, rows, size, of_material, smooth=True):
     """A flat sheet in the xy plane, centred, of columns x rows quads, with UVs that span it once."""
-    vertices = [((i / columns - 0.5) * size[0], (j / rows - 0.5) * size[1], 0.0) for j in range(rows + 1) for i in range(columns + 1)]
+    vertices = [
+        ((i / columns - 0.5) * size[0], (j / rows - 0.5) * size[1], 0.0)
+        for j in range(rows + 1)
+        for i in range(columns + 1)
+    ]
     faces, uvs = [], []
     for j in range(rows):
         for i in range(columns):
@@ -188,9 +192,14 @@ def lathe(name, profile, segments, of_material):
             vertices.append((radius * np.cos(turn), radius * np.sin(turn), height))
     vertices.append((0, 0, profile[-1][1]))
     rings, top = len(profile) - 2, len(vertices) - 1
-    at = lambda ring, k: 1 + ring * segments + k % segments
+
+    def at(ring, k):
+        return 1 + ring * segments + k % segments
+
     faces = [(0, at(0, k + 1), at(0, k)) for k in range(segments)]
-    faces += [(at(r, k), at(r, k + 1), at(r + 1, k + 1), at(r + 1, k)) for r in range(rings - 1) for k in range(segments)]
+    faces += [
+        (at(r, k), at(r, k + 1), at(r + 1, k + 1), at(r + 1, k)) for r in range(rings - 1) for k in range(segments)
+    ]
     faces += [(top, at(rings - 1, k), at(rings - 1, k + 1)) for k in range(segments)]
     return mesh(name, vertices, faces, of_material, smooth=True)
 

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Builds the scenes in fixtures/ in Blender and exports each with Blender's own glTF exporter.
 
-usage: make_fixtures.py [--out DIR] [NAME ...]        (Python with the bpy 4.5 package; or: blender -b -P make_fixtures.py -- ...)
+usage: make_fixtures.py [--out DIR] [NAME ...]
+       (Python with the bpy 4.5 package; or: blender -b -P make_fixtures.py -- ...)
 
-Every scene shows one thing; fixtures/README.md says what the bake must make of it. The same Blender gives the same bytes.
+Every scene shows one thing; fixtures/README.md says what the bake must make of it. The same Blender, the same bytes.
 """
 
 import argparse
@@ -15,7 +16,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
 import blender_kit as kit
 
@@ -110,9 +110,20 @@ def window_room():
         "wall west": ([((-0.2, 0, 0), (0, 4, 2.7))], plaster),
         "wall south": ([((-0.2, -0.2, 0), (5.2, 0, 2.7))], plaster),
         "wall north": ([((-0.2, 4, 0), (5.2, 4.2, 2.7))], plaster),
-        "table": ([((2.2, 0.8, 0.71), (3.8, 1.8, 0.75))] + [((x, y, 0), (x + 0.06, y + 0.06, 0.71)) for x in (2.25, 3.69) for y in (0.85, 1.69)], wood),
-        "shelf": ([((0, y, 0), (0.35, y + 0.03, 1.9)) for y in (1.0, 2.37)] + [((0, 1.03, z), (0.35, 2.37, z + 0.03)) for z in (0.05, 0.5, 0.95, 1.4, 1.87)], wood),
-        "books": ([((0.05, 1.1 + 0.07 * k, 0.98), (0.27, 1.15 + 0.07 * k, 1.2 + 0.03 * (k % 3))) for k in range(8)], blue),
+        "table": (
+            [((2.2, 0.8, 0.71), (3.8, 1.8, 0.75))]
+            + [((x, y, 0), (x + 0.06, y + 0.06, 0.71)) for x in (2.25, 3.69) for y in (0.85, 1.69)],
+            wood,
+        ),
+        "shelf": (
+            [((0, y, 0), (0.35, y + 0.03, 1.9)) for y in (1.0, 2.37)]
+            + [((0, 1.03, z), (0.35, 2.37, z + 0.03)) for z in (0.05, 0.5, 0.95, 1.4, 1.87)],
+            wood,
+        ),
+        "books": (
+            [((0.05, 1.1 + 0.07 * k, 0.98), (0.27, 1.15 + 0.07 * k, 1.2 + 0.03 * (k % 3))) for k in range(8)],
+            blue,
+        ),
         "crate": ([((1.0, 3.2, 0), (1.6, 3.8, 0.6))], wood),
         "small crate": ([((1.15, 3.3, 0.6), (1.5, 3.65, 0.95))], blue),
     }
@@ -150,13 +161,27 @@ def corridor():
     for k in range(6):
         side = -1 if k % 2 else 1
         foot = kit.add(f"plinth {k + 1}", plinth, at=(side * 0.85, 1.2 + 1.3 * k, 0))
-        kit.add(f"statue {k + 1}", statue, parent=foot, at=(0, 0, 1.17), turned=(0, 0, -side * math.pi / 2), scaled=(0.28 + 0.02 * k,) * 3)
+        kit.add(
+            f"statue {k + 1}",
+            statue,
+            parent=foot,
+            at=(0, 0, 1.17),
+            turned=(0, 0, -side * math.pi / 2),
+            scaled=(0.28 + 0.02 * k,) * 3,
+        )
 
     for y in (2.2, 6.8):
         kit.point_lamp(f"ceiling lamp {y:.0f}", (0, y, 2.45), watts=20, colour=(1, 0.85, 0.65))
     for k in (1, 4):
         side = -1 if k % 2 else 1
-        kit.spot_lamp(f"spot {k + 1}", (0, 1.2 + 1.3 * k, 2.5), (side * 0.85, 1.2 + 1.3 * k, 1.1), watts=35, cone=math.radians(50), blend=0.4)
+        kit.spot_lamp(
+            f"spot {k + 1}",
+            (0, 1.2 + 1.3 * k, 2.5),
+            (side * 0.85, 1.2 + 1.3 * k, 1.1),
+            watts=35,
+            cone=math.radians(50),
+            blend=0.4,
+        )
     kit.camera((0, 0.3, 1.6), (0, 6, 1.2), lens=24)
 
 
@@ -181,7 +206,9 @@ def leaves():
     kit.alpha_mask(leaf, kit.texture(leaf, "Base Color", "leaf", leaf_texture()), cutoff=0.5)
 
     shell = [((-3, -3, -0.2), (3, 3, 0))]
-    shell += [((-3, y, 0), (3, y + 0.2, 1.8)) for y in (-3, 2.8)] + [((x, -2.8, 0), (x + 0.2, 2.8, 1.8)) for x in (-3, 2.8)]
+    shell += [((-3, y, 0), (3, y + 0.2, 1.8)) for y in (-3, 2.8)] + [
+        ((x, -2.8, 0), (x + 0.2, 2.8, 1.8)) for x in (-3, 2.8)
+    ]
     kit.add("courtyard", kit.boxes("courtyard", shell, stone))
     frame = [((x, y, 0), (x + 0.1, y + 0.1, 2.3)) for x in (-1.5, 1.4) for y in (-1.5, 1.4)]
     frame += [((-1.7, y, 2.3), (1.7, y + 0.08, 2.42)) for y in (-1.5, -0.5, 0.5, 1.42)]
@@ -204,7 +231,7 @@ def leaves():
 
 
 def leaf_texture():
-    """Five pointed leaves fanned around a stem, 64 x 64; green continues under the transparent part, against dark rims."""
+    """Five leaves around a stem, 64 x 64; green goes on under the transparent part, so that no dark rim shows."""
     y, x = np.mgrid[0:64, 0:64]
     px, py = (x - 31.5) / 32, (31.5 - y) / 32
     rgba = np.zeros((64, 64, 4))
@@ -228,7 +255,9 @@ def instances():
     paint = kit.material("paint", (0.7, 0.35, 0.2), double_sided=True)
     kit.add("floor", kit.grid("floor", 1, 1, (8, 6), floor))
     # An angle piece: no mirror symmetry, so a mirrored copy that is treated as a plain one shows.
-    angle = kit.boxes("angle piece", [((0, 0, 0), (1, 0.4, 0.4)), ((0, 0, 0.4), (0.4, 0.4, 1)), ((0, 0.4, 0), (0.4, 0.7, 0.2))], paint)
+    angle = kit.boxes(
+        "angle piece", [((0, 0, 0), (1, 0.4, 0.4)), ((0, 0, 0.4), (0.4, 0.4, 1)), ((0, 0.4, 0), (0.4, 0.7, 0.2))], paint
+    )
 
     kit.add("plain", angle, at=(-3.2, -2, 0))
     kit.add("stretched", angle, at=(-1.5, -2, 0), scaled=(1.6, 0.5, 1.3))
@@ -237,7 +266,9 @@ def instances():
     turntable = kit.add("turntable", None, at=(0, 1, 0), turned=(0, 0, 0.6))
     squeezed = kit.add("squeezed", None, parent=turntable, at=(-1.5, 0, 0), scaled=(1, 0.6, 1.4))
     kit.add("nested", angle, parent=squeezed, turned=(0, 0, 0.8))
-    child = kit.add("nested mirrored", angle, parent=squeezed, at=(2.5, 0.4, 0), turned=(0.2, 0, -0.5), scaled=(1, -1, 0.7))
+    child = kit.add(
+        "nested mirrored", angle, parent=squeezed, at=(2.5, 0.4, 0), turned=(0.2, 0, -0.5), scaled=(1, -1, 0.7)
+    )
     kit.add("grandchild", angle, parent=child, at=(0, 0, 1.1), turned=(0, 0.3, 0), scaled=(0.5, 0.5, 0.5))
     kit.sun_lamp("sun", shining=(0.4, 0.6, -1), strength=2.0)
     kit.point_lamp("lamp", (0, -0.5, 2.6), watts=120, colour=(0.8, 0.9, 1))
@@ -266,7 +297,7 @@ def emissive_texture():
 
 @fixture
 def double_sided():
-    """Walls without thickness: one room with the lamp, one sealed off, one behind a doorway, and a free-standing sheet."""
+    """Thin walls, double-sided: a room with the lamp, one sealed off, one behind a doorway, and a free-standing sheet."""
     shell = kit.material("shell", (0.7, 0.7, 0.7))
     sheet = kit.material("sheet", (0.75, 0.3, 0.25), double_sided=True)
     kit.add("shell", kit.boxes("shell", [((0, 0, 0), (6, 3, 2.5))], shell, inward=True))
@@ -329,7 +360,10 @@ def skinned():
 
     pad = kit.add("pad", kit.grid("pad", 8, 8, (1.2, 1.2), rubber), at=(1, 0, 0.5))
     pad.shape_key_add(name="Basis")
-    for name, shape in (("dome", lambda x, y: math.exp(-6 * (x * x + y * y))), ("wave", lambda x, y: 0.2 * math.sin(6 * x))):
+    for name, shape in (
+        ("dome", lambda x, y: math.exp(-6 * (x * x + y * y))),
+        ("wave", lambda x, y: 0.2 * math.sin(6 * x)),
+    ):
         key = pad.shape_key_add(name=name)
         for vertex, point in zip(pad.data.vertices, key.data):
             point.co.z = 0.6 * shape(vertex.co.x, vertex.co.y)
@@ -391,7 +425,9 @@ def main():
     own = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
     ask = argparse.ArgumentParser(description="Builds the fixture scenes in Blender and exports them as GLB.")
     ask.add_argument("names", nargs="*", metavar="NAME", help=f"which to build (default: all of {', '.join(FIXTURES)})")
-    ask.add_argument("--out", type=Path, default=Path(__file__).resolve().parent.parent / "fixtures", help="folder to write to")
+    ask.add_argument(
+        "--out", type=Path, default=Path(__file__).resolve().parent.parent / "fixtures", help="folder to write to"
+    )
     options = ask.parse_args(own)
     if unknown := [name for name in options.names if name not in FIXTURES]:
         ask.error(f"no fixture is called {', '.join(unknown)}; there are {', '.join(FIXTURES)}")
@@ -405,7 +441,9 @@ def main():
         path = options.out / f"{name}.glb"
         # Applying modifiers would also apply away shape keys, so the one scene that has them keeps them.
         kit.export(path, export_apply=not bpy.data.shape_keys)
-        triangles = sum(len(face.vertices) - 2 for thing in scene.objects if thing.type == "MESH" for face in thing.data.polygons)
+        triangles = sum(
+            len(face.vertices) - 2 for thing in scene.objects if thing.type == "MESH" for face in thing.data.polygons
+        )
         print(f"{name:<20}{len(scene.objects):>8}{triangles:>11}{path.stat().st_size:>9}", flush=True)
 
 
