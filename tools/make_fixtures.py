@@ -297,7 +297,7 @@ def emissive_texture():
 
 @fixture
 def double_sided():
-    """Thin walls, double-sided: a room with the lamp, one sealed off, one behind a doorway, and a free-standing sheet."""
+    """Thin walls, double-sided: a room with the lamp, one sealed off, one behind a doorway, and a free sheet."""
     shell = kit.material("shell", (0.7, 0.7, 0.7))
     sheet = kit.material("sheet", (0.75, 0.3, 0.25), double_sided=True)
     kit.add("shell", kit.boxes("shell", [((0, 0, 0), (6, 3, 2.5))], shell, inward=True))
