@@ -12,6 +12,7 @@
 pub mod error;
 pub mod options;
 pub mod progress;
+pub mod sampling;
 pub mod units;
 
 pub mod scene;

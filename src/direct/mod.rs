@@ -1,1 +1,126 @@
 //! Light from emitters straight to every element.
+//!
+//! The unoccluded irradiance is a closed form; visibility multiplies it. Every element probes every emitter with a
+//! few rays; only where the probes of an element or of its eight neighbours disagree, a shadow border passes and
+//! many more rays are spent. Sky light that is smooth is not here: the gather's rays that miss bring it. Where
+//! hundreds of emitters reach a place, each of the faint ones adds so little that its shadow borders cannot be
+//! seen: their sum is smooth too, and is left to the nodes of the gather ([`Faint`]).
+
+mod area;
+mod block;
+mod emitters;
+mod faint;
+mod penumbra;
+mod point;
+mod sky;
+mod sun;
+
+pub use block::Block;
+pub use emitters::{EmitterList, collect};
+pub use faint::Faint;
+
+use crate::elements::Elements;
+use crate::options::DirectOptions;
+use crate::progress::Progress;
+use crate::transport::{Ray, Tracer};
+use crate::units::Irradiance;
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Where light arrives.
+#[derive(Clone, Copy, Debug)]
+pub struct Receiver {
+    /// On the surface, world metres relative to the scene's origin.
+    pub position_world: Vec3,
+    /// Where shadow rays start: clear of the surface.
+    pub origin_world: Vec3,
+    /// The normal of the cosine.
+    pub normal_shading: Vec3,
+    /// The normal of the plane: light from behind it does not count.
+    pub normal_geometric: Vec3,
+}
+
+/// A ray towards a point of an emitter, and what that point would contribute unoccluded.
+#[derive(Clone, Copy, Debug)]
+pub struct ShadowRay {
+    /// From the receiver to just before the emitter.
+    pub ray: Ray,
+    /// Relative weight per channel; only ratios matter, the closed form gives the scale.
+    pub weight: Vec3,
+}
+
+/// One kind of light source.
+pub trait Emitter: Sync {
+    /// Irradiance at the receiver if nothing stood in between.
+    fn unoccluded(&self, receiver: &Receiver) -> Irradiance;
+
+    /// A shadow ray to the emitter's point `(u, v)` in `[0, 1)²`; `None` when that point cannot light the receiver.
+    fn shadow_ray(&self, receiver: &Receiver, uv: [f32; 2]) -> Option<ShadowRay>;
+
+    /// Whether one ray decides: the emitter has no extent.
+    fn is_sharp(&self) -> bool;
+}
+
+/// What the stage found.
+pub struct Direct {
+    /// Irradiance from the bright emitters of each element's block, one row an element.
+    pub irradiance: Vec<Irradiance>,
+    /// The blocks the charts were cut into, ascending by chart.
+    pub blocks: Vec<Block>,
+    /// For each block the emitters that `irradiance` holds, ascending; the others are faint there.
+    pub bright: Vec<Vec<u32>>,
+    /// Rays sent.
+    pub rays: u64,
+    /// Whether a cancelled run left elements dark.
+    pub unfinished: bool,
+}
+
+/// Lights every element.
+pub fn light<T: Tracer>(
+    elements: &Elements,
+    emitters: &EmitterList,
+    tracer: &T,
+    options: &DirectOptions,
+    progress: &mut Progress,
+) -> Direct {
+    let blocks = block::cut(elements);
+    let mut direct = Direct {
+        irradiance: vec![Irradiance::ZERO; elements.len()],
+        bright: Vec::with_capacity(blocks.len()),
+        blocks,
+        rays: 0,
+        unfinished: false,
+    };
+    if emitters.is_empty() {
+        direct.bright.resize(direct.blocks.len(), Vec::new());
+        return direct;
+    }
+    progress.restart(elements.len() as u64);
+    let patterns = penumbra::Patterns::new(options);
+    // Bounded batches keep the transient copies small next to the elements themselves.
+    for batch in direct.blocks.chunks(4096) {
+        let lit: Vec<_> = batch
+            .par_iter()
+            .map(|block| {
+                if progress.cancelled() {
+                    return None;
+                }
+                let mut rays = 0;
+                let lit = block::light(elements, block, emitters, tracer, &patterns, &mut rays);
+                progress.advance(lit.lit.len() as u64);
+                Some((lit, rays))
+            })
+            .collect();
+        for lit in lit {
+            let Some((lit, rays)) = lit else {
+                direct.unfinished = true;
+                direct.bright.push(Vec::new());
+                continue;
+            };
+            direct.rays += rays;
+            lit.lit.iter().for_each(|&(id, value)| direct.irradiance[id as usize] = value);
+            direct.bright.push(lit.bright);
+        }
+    }
+    direct
+}

@@ -1,1 +1,56 @@
-//! Coarse radiosity -> indirect irradiance of every element.
+//! Coarse radiosity -> indirect irradiance of every element: the final gather.
+//!
+//! A gather sends a fixed set of cosine-distributed rays from one element and averages the radiosity they meet
+//! (Reichert 1992; Lischinski, Tampieri & Greenberg 1993). It is done at the nodes of an adaptive grid in texture
+//! space; where neighbouring nodes agree, the elements between them are interpolated.
+
+mod cells;
+mod hemisphere;
+mod smooth;
+
+pub use hemisphere::{DirectionSet, Gathered};
+pub use smooth::spread_over_elements;
+
+use crate::direct::{Direct, Faint};
+use crate::elements::Elements;
+use crate::options::GatherOptions;
+use crate::progress::Progress;
+use crate::scene::Sky;
+use crate::transport::{Hit, Tracer};
+use crate::units::{Irradiance, Radiosity};
+
+/// What a gather ray can meet.
+pub struct Surroundings<'a, T, S> {
+    /// The world.
+    pub tracer: &'a T,
+    /// Radiosity of the surface at a hit: reflected light only, emitters are met by the direct light.
+    pub radiosity: S,
+    /// Radiance of rays that leave.
+    pub sky: &'a Sky,
+    /// Emitters that are too many and too faint for every texel, where there are such.
+    pub faint: Option<&'a Faint<'a>>,
+}
+
+/// What the stage found.
+pub struct Indirect {
+    /// Irradiance that did not come straight from a bright emitter, one row an element.
+    pub irradiance: Vec<Irradiance>,
+    /// Elements that sent gather rays.
+    pub nodes: u64,
+    /// Rays sent.
+    pub rays: u64,
+}
+
+/// Gathers for all elements of exported pages. `direct` tells how bright a place is, hence how much error shows;
+/// `coarse` is what elements keep that a cancelled run did not reach.
+pub fn gather<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
+    elements: &Elements,
+    direct: &Direct,
+    coarse: &[Irradiance],
+    around: &Surroundings<T, S>,
+    options: &GatherOptions,
+    progress: &mut Progress,
+) -> Indirect {
+    let set = DirectionSet::new(options.rays);
+    cells::fill(elements, direct, coarse, around, &set, options, progress)
+}

@@ -1,0 +1,189 @@
+//! Light from emissive surfaces: Lambert's polygon formula near, one point per polygon far.
+
+use super::{Emitter, Receiver, ShadowRay};
+use crate::transport::form_factors::point_to_polygon;
+use crate::transport::segment_to_surface;
+use crate::units::Irradiance;
+use glam::{DVec3, Vec3};
+use std::f32::consts::PI;
+
+/// Beyond this many diameters a polygon counts as its centroid: the next term of the expansion of cosθ cosθ'/d² about
+/// the centroid is of order (radius/distance)², with a factor below one half: under 0.1 %.
+const FAR_DIAMETERS: f32 = 12.0;
+
+/// A flat, convex, evenly bright piece of an emissive surface with three or four corners.
+#[derive(Clone, Debug)]
+pub struct Polygon {
+    corners: [DVec3; 4],
+    count: usize,
+    centre: Vec3,
+    normal: Vec3,
+    area: f32,
+    far_squared: f32,
+    radiance: Vec3,
+    /// Corners of the box around the triangles it is a part of: what a ray that ends on it must stay clear of.
+    support: [Vec3; 3],
+}
+
+impl Polygon {
+    /// Three or four corners, counter-clockwise from the lit side; `None` when it has no area.
+    pub fn new(corners: &[Vec3], radiance: Vec3) -> Option<Self> {
+        let count = corners.len();
+        debug_assert!((3..=4).contains(&count));
+        let fixed: [DVec3; 4] = std::array::from_fn(|i| corners[i.min(count - 1)].as_dvec3());
+        let first = (fixed[1] - fixed[0]).cross(fixed[2] - fixed[0]);
+        let second = (fixed[2] - fixed[0]).cross(fixed[3] - fixed[0]);
+        let twice = first + second;
+        let normal = twice.try_normalize()?;
+        let centre = {
+            let (a, b) = (first.length(), second.length());
+            let middle = |i: usize, j: usize, k: usize| (fixed[i] + fixed[j] + fixed[k]) / 3.0;
+            (middle(0, 1, 2) * a + middle(0, 2, 3) * b) / (a + b)
+        };
+        let radius_squared = fixed.iter().map(|c| c.distance_squared(centre)).fold(0.0, f64::max) as f32;
+        Some(Self {
+            corners: fixed,
+            count,
+            centre: centre.as_vec3(),
+            normal: normal.as_vec3(),
+            area: (twice.length() / 2.0) as f32,
+            far_squared: 4.0 * FAR_DIAMETERS * FAR_DIAMETERS * radius_squared,
+            radiance,
+            support: support(corners),
+        })
+    }
+
+    /// The same polygon as a part of a larger triangle.
+    pub fn part_of(self, triangle: &[Vec3; 3]) -> Self {
+        Self { support: support(triangle), ..self }
+    }
+
+    /// Configuration factor seen from the receiver, unoccluded: E = πL·F.
+    fn factor(&self, receiver: &Receiver) -> f32 {
+        let to = self.centre - receiver.position_world;
+        let facing = -to.dot(self.normal);
+        let distance_squared = to.length_squared();
+        if distance_squared > self.far_squared {
+            let cosine = to.dot(receiver.normal_shading);
+            if facing <= 0.0 || cosine <= 0.0 {
+                return 0.0;
+            }
+            return cosine * facing * self.area / (PI * distance_squared * distance_squared);
+        }
+        let corners = &self.corners[..self.count];
+        point_to_polygon(receiver.position_world.as_dvec3(), receiver.normal_shading.as_dvec3(), corners) as f32
+    }
+
+    /// Power sent out per channel mean, up to a factor π.
+    pub fn strength(&self) -> f32 {
+        self.radiance.element_sum() * self.area
+    }
+
+    /// The same polygon, lit on the other side.
+    pub fn flipped(&self) -> Option<Self> {
+        let mut corners: Vec<Vec3> = self.corners[..self.count].iter().map(|c| c.as_vec3()).collect();
+        corners.reverse();
+        Self::new(&corners, self.radiance).map(|p| Self { support: self.support, ..p })
+    }
+
+    /// Middle of the polygon.
+    pub fn centre(&self) -> Vec3 {
+        self.centre
+    }
+
+    /// Unit normal of the lit side.
+    pub fn normal(&self) -> Vec3 {
+        self.normal
+    }
+
+    fn point(&self, u: f32, v: f32) -> Vec3 {
+        let [a, b, c, d] = self.corners;
+        let (u, v) = (f64::from(u), f64::from(v));
+        if self.count == 4 && (a + c - b - d).length_squared() <= 1e-10 * (c - a).length_squared() {
+            return (a + (b - a) * u + (d - a) * v).as_vec3();
+        }
+        let triangle = |p: DVec3, q: DVec3, r: DVec3, u: f64| {
+            let root = u.sqrt();
+            (p * (1.0 - root) + q * (root * (1.0 - v)) + r * (root * v)).as_vec3()
+        };
+        if self.count == 3 {
+            return triangle(a, b, c, u);
+        }
+        let first = (b - a).cross(c - a).length();
+        let share = first / (first + (c - a).cross(d - a).length());
+        if u < share { triangle(a, b, c, u / share) } else { triangle(a, c, d, (u - share) / (1.0 - share)) }
+    }
+}
+
+fn support(corners: &[Vec3]) -> [Vec3; 3] {
+    let (low, high) = corners.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), c| (l.min(*c), h.max(*c)));
+    [low, high, low]
+}
+
+/// Neighbouring polygons of one surface that share their shadow rays.
+pub struct AreaEmitter {
+    polygons: Vec<Polygon>,
+    /// Running share of the strength, ends with 1.
+    cumulative: Vec<f32>,
+}
+
+impl AreaEmitter {
+    /// `None` when nothing shines.
+    pub fn new(polygons: Vec<Polygon>) -> Option<Self> {
+        let total: f64 = polygons.iter().map(|p| f64::from(p.strength())).sum();
+        if !(total > 0.0 && total.is_finite()) {
+            return None;
+        }
+        let mut sum = 0.0;
+        let cumulative = polygons
+            .iter()
+            .map(|p| {
+                sum += f64::from(p.strength());
+                (sum / total) as f32
+            })
+            .collect();
+        Some(Self { polygons, cumulative })
+    }
+
+    /// A point amid the polygons.
+    pub fn centre(&self) -> Vec3 {
+        self.polygons.iter().map(Polygon::centre).sum::<Vec3>() / self.polygons.len() as f32
+    }
+}
+
+impl Emitter for AreaEmitter {
+    fn unoccluded(&self, receiver: &Receiver) -> Irradiance {
+        let mut sum = Vec3::ZERO;
+        for polygon in &self.polygons {
+            // Behind the polygon, or wholly below the receiver's plane: nothing.
+            let to = polygon.centre - receiver.position_world;
+            if to.dot(polygon.normal) < 0.0 {
+                sum += polygon.radiance * polygon.factor(receiver);
+            }
+        }
+        Irradiance(sum * PI)
+    }
+
+    fn shadow_ray(&self, receiver: &Receiver, [u, v]: [f32; 2]) -> Option<ShadowRay> {
+        let last = self.polygons.len() - 1;
+        let i = self.cumulative.partition_point(|&c| c <= u).min(last);
+        let before = if i == 0 { 0.0 } else { self.cumulative[i - 1] };
+        let u = ((u - before) / (self.cumulative[i] - before).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let polygon = &self.polygons[i];
+        let target = polygon.point(u, v);
+        let origin = receiver.origin_world;
+        let to = target - origin;
+        let (facing, cosine) = (-to.dot(polygon.normal), to.dot(receiver.normal_shading));
+        if facing <= 0.0 || cosine <= 0.0 || to.dot(receiver.normal_geometric) <= 0.0 {
+            return None;
+        }
+        let distance_squared = to.length_squared();
+        let per_strength = polygon.radiance / polygon.radiance.element_sum();
+        let weight = per_strength * (cosine * facing / (distance_squared * distance_squared));
+        Some(ShadowRay { ray: segment_to_surface(origin, target, polygon.normal, &polygon.support), weight })
+    }
+
+    fn is_sharp(&self) -> bool {
+        false
+    }
+}

@@ -1,0 +1,95 @@
+//! The sum of many faint emitters at one place, by few rays.
+
+use super::emitters::EmitterList;
+use super::{Block, Direct, Receiver};
+use crate::elements::Elements;
+use crate::sampling::sobol4;
+use crate::transport::Tracer;
+use crate::units::Irradiance;
+use glam::Vec3;
+
+/// Rays towards all faint emitters together.
+const RAYS: u32 = 128;
+
+/// Lights single elements with the emitters that are faint in their block.
+///
+/// Emitters are picked in proportion to what they would add unoccluded, by samples dealt evenly along a list in which
+/// neighbours stand together: the share that is visible converges almost like a sum over strata, since visibility
+/// changes slowly along such a list.
+pub struct Faint<'a> {
+    elements: &'a Elements,
+    emitters: &'a EmitterList,
+    direct: &'a Direct,
+    /// First block of each chart.
+    first_block: Vec<u32>,
+    points: Vec<[f32; 4]>,
+}
+
+impl<'a> Faint<'a> {
+    /// `None` where every emitter is bright everywhere.
+    pub fn new(elements: &'a Elements, emitters: &'a EmitterList, direct: &'a Direct) -> Option<Self> {
+        if direct.bright.iter().all(|b| b.len() == emitters.len()) {
+            return None;
+        }
+        let mut first_block = vec![0; elements.charts.len() + 1];
+        for block in &direct.blocks {
+            first_block[block.chart as usize + 1] += 1;
+        }
+        for i in 1..first_block.len() {
+            first_block[i] += first_block[i - 1];
+        }
+        // Along the list the samples are the centres of equal strata; across an emitter they follow Sobol's sequence.
+        let mut points = sobol4(RAYS, 0, 6);
+        points.iter_mut().enumerate().for_each(|(i, p)| p[0] = (i as f32 + 0.5) / RAYS as f32);
+        Some(Self { elements, emitters, direct, first_block, points })
+    }
+
+    /// The block an element lies in.
+    fn block_of(&self, element: u32) -> usize {
+        let chart = self.elements.chart[element as usize] as usize;
+        let texel = self.elements.texel[element as usize];
+        let inside = |b: &Block| {
+            (b.min[0]..b.max[0]).contains(&texel.x) && (b.min[1]..b.max[1]).contains(&texel.y)
+        };
+        let (from, to) = (self.first_block[chart] as usize, self.first_block[chart + 1] as usize);
+        from + self.direct.blocks[from..to].iter().position(inside).unwrap_or(0)
+    }
+
+    /// Irradiance of an element from the emitters that its block calls faint, and the rays that took.
+    pub fn irradiance<T: Tracer>(&self, element: u32, tracer: &T) -> (Irradiance, u64) {
+        let e = element as usize;
+        let bright = &self.direct.bright[self.block_of(element)];
+        let (position_world, normal) = (self.elements.position_world[e], self.elements.normal_geometric[e]);
+        let receiver = Receiver {
+            position_world,
+            origin_world: tracer.world().offset_origin(self.elements.triangle[e], position_world, normal),
+            normal_shading: self.elements.normal_shading[e],
+            normal_geometric: normal,
+        };
+        let mut open = Vec::with_capacity(self.emitters.len());
+        let mut total = 0.0_f64;
+        for (k, emitter) in self.emitters.emitters.iter().enumerate() {
+            if bright.binary_search(&(k as u32)).is_ok() {
+                continue;
+            }
+            let irradiance = emitter.unoccluded(&receiver);
+            if irradiance.mean() > 0.0 {
+                total += f64::from(irradiance.mean());
+                open.push((total, k, irradiance));
+            }
+        }
+        let mut sum = Vec3::ZERO;
+        let mut at = 0;
+        for p in &self.points {
+            let target = f64::from(p[0]) * total;
+            while at + 1 < open.len() && open[at].0 < target {
+                at += 1;
+            }
+            let Some((_, k, irradiance)) = open.get(at) else { break };
+            let Some(shadow) = self.emitters.emitters[*k].shadow_ray(&receiver, [p[2], p[3]]) else { continue };
+            sum += irradiance.0 / irradiance.mean() * tracer.transmittance(&shadow.ray);
+        }
+        let rays = if open.is_empty() { 0 } else { self.points.len() as u64 };
+        (Irradiance(sum * (total as f32 / self.points.len() as f32)), rays)
+    }
+}

@@ -1,0 +1,44 @@
+//! Which shadow rays an element sends.
+
+use crate::options::DirectOptions;
+use crate::sampling::{shifted, sobol4};
+
+/// Patterns repeat every three texels, so that any 3×3 neighbourhood holds each of them once (interleaved sampling,
+/// Keller & Heidrich 2001): averaging nine neighbours then averages nine different sets.
+pub const PERIOD: usize = 3;
+
+/// The sample sets, made once.
+pub struct Patterns {
+    /// Per texel phase: emitter points of the probe.
+    pub probe: Vec<Vec<[f32; 2]>>,
+    /// Per texel phase: `[texel u, texel v, emitter u, emitter v]` of the refinement.
+    pub refine: Vec<Vec<[f32; 4]>>,
+}
+
+impl Patterns {
+    /// Sets for the given effort.
+    pub fn new(options: &DirectOptions) -> Self {
+        let phases = PERIOD * PERIOD;
+        let probe_rays = options.probe_rays.max(1);
+        // One stratified set over all phases, dealt out so that each phase gets a spread-out share.
+        let all = sobol4(probe_rays * phases as u32, 0, 1);
+        let probe = (0..phases)
+            .map(|k| (0..probe_rays as usize).map(|i| [all[i * phases + k][0], all[i * phases + k][1]]).collect())
+            .collect();
+        let base = sobol4(options.penumbra_rays.max(4), 0, 2);
+        let refine = (0..phases)
+            .map(|k| {
+                let k = k as f32;
+                // R4: the generalised golden ratio's powers, a well-spread set of turns.
+                let turn = |ratio: f32| (k * ratio).fract();
+                shifted(&base, [turn(0.856_674_9), turn(0.733_891_9), turn(0.628_706_7), turn(0.538_597_3)])
+            })
+            .collect();
+        Self { probe, refine }
+    }
+
+    /// The phase of a texel.
+    pub fn phase(x: usize, y: usize) -> usize {
+        (y % PERIOD) * PERIOD + x % PERIOD
+    }
+}

@@ -1,0 +1,90 @@
+//! One gather: a fixed hemisphere of rays.
+
+use super::Surroundings;
+use crate::elements::Elements;
+use crate::sampling::{cosine_hemisphere, frame, sobol4, to_world};
+use crate::transport::{Hit, Ray, Tracer};
+use crate::units::{Irradiance, Radiosity};
+use glam::Vec3;
+use std::f32::consts::PI;
+
+/// Directions about +z with density cosθ/π, the same for every gather: neighbours err alike, so the result is
+/// smooth. Ordered so that rays sent one after the other are near each other.
+pub struct DirectionSet {
+    local: Vec<Vec3>,
+}
+
+/// The outcome of one gather.
+#[derive(Clone, Copy, Debug)]
+pub struct Gathered {
+    /// Irradiance from all hits and the sky.
+    pub irradiance: Irradiance,
+    /// Harmonic mean of the distances to the hits, metres; infinite when all rays left.
+    pub distance_m: f32,
+}
+
+impl DirectionSet {
+    /// About `rays` directions; at least 16.
+    pub fn new(rays: u32) -> Self {
+        let mut points: Vec<[f32; 4]> = sobol4(rays.max(16), 0, 3);
+        let key = |p: &[f32; 4]| {
+            let quantise = |x: f32| ((x * 64.0) as u32).min(63);
+            morton(quantise(p[0]), quantise(p[1]))
+        };
+        points.sort_by_key(key);
+        Self { local: points.iter().map(|p| cosine_hemisphere(p[0], p[1])).collect() }
+    }
+
+    /// Number of rays of one gather.
+    pub fn len(&self) -> usize {
+        self.local.len()
+    }
+
+    /// Never true: there are at least 16 directions.
+    pub fn is_empty(&self) -> bool {
+        self.local.is_empty()
+    }
+
+    /// Gathers at an element; tells also how many rays that took.
+    pub fn gather<T: Tracer, S: Fn(&Hit) -> Radiosity>(
+        &self,
+        elements: &Elements,
+        element: u32,
+        around: &Surroundings<T, S>,
+    ) -> (Gathered, u64) {
+        let e = element as usize;
+        let (geometric, shading) = (elements.normal_geometric[e], elements.normal_shading[e]);
+        let world = around.tracer.world();
+        let origin = world.offset_origin(elements.triangle[e], elements.position_world[e], geometric);
+        let frame = frame(shading, elements.half_u_world[e]);
+        let (mut reflected, mut sky, mut nearness) = (Vec3::ZERO, Vec3::ZERO, 0.0_f32);
+        for &local in &self.local {
+            let direction = to_world(&frame, local);
+            if direction.dot(geometric) <= 0.0 {
+                continue;
+            }
+            let ray = Ray::unbounded(origin, direction);
+            let mut first = f32::INFINITY;
+            let left = around.tracer.walk(&ray, |hit: &Hit, share: Vec3| {
+                first = first.min(hit.t);
+                reflected += share * (around.radiosity)(hit).0;
+            });
+            if left != Vec3::ZERO {
+                sky += left * around.sky.radiance(direction).0;
+            }
+            nearness += 1.0 / first;
+        }
+        let count = self.local.len() as f32;
+        let (faint, rays) =
+            around.faint.map_or((Irradiance::ZERO, 0), |faint| faint.irradiance(element, around.tracer));
+        let gathered = Gathered {
+            irradiance: Irradiance((reflected + sky * PI) / count) + faint,
+            distance_m: count / nearness.max(f32::MIN_POSITIVE),
+        };
+        (gathered, rays + self.local.len() as u64)
+    }
+}
+
+fn morton(x: u32, y: u32) -> u32 {
+    (0..6).fold(0, |code, bit| code | (x >> bit & 1) << (2 * bit) | (y >> bit & 1) << (2 * bit + 1))
+}

@@ -1,0 +1,58 @@
+//! How much memory a bake will want, before it takes it.
+
+use crate::atlas::Atlas;
+use crate::error::{Error, Result};
+use crate::scene::Scene;
+
+/// Bytes every texel of a page costs, lit or not: the map to elements, the stored value, its copies while it is
+/// written.
+const PER_TEXEL: u64 = 4 + 12 + 1 + 12;
+/// Bytes every element costs: the rows of [`crate::elements::Elements`] (97), direct, coarse and indirect irradiance,
+/// radiosity, the sum (12 each) and the gather's notes (5).
+const PER_ELEMENT: u64 = 97 + 5 * 12 + 5;
+/// Bytes a triangle costs: corners, tree, place in texture space.
+const PER_TRIANGLE: u64 = 260;
+/// Bytes a patch costs: 64 sampled form factors, kept forwards and backwards.
+const PER_PATCH: u64 = 64 * 2 * 8 + 128;
+/// The process itself, its threads and the bytes of the file.
+const BASE: u64 = 24 << 20;
+
+/// Predicts the most memory a bake holds at once, bytes.
+pub fn predict(scene: &Scene, atlas: &Atlas, patches: u32) -> u64 {
+    let texels: u64 = atlas.pages.iter().map(|p| u64::from(p.size_texels).pow(2)).sum();
+    let lit: u64 = atlas
+        .pages
+        .iter()
+        .map(|p| {
+            let share = if p.exported { f64::from(atlas.fill) } else { 1.0 };
+            ((u64::from(p.size_texels).pow(2) as f64) * share) as u64
+        })
+        .sum();
+    let triangles: u64 = scene.surfaces.iter().map(|s| scene.geometry(s).triangles.len() as u64).sum();
+    let textures: u64 = scene.textures.iter().map(|t| u64::from(t.size()[0]) * u64::from(t.size()[1]) * 4).sum();
+    BASE + texels * PER_TEXEL
+        + lit * PER_ELEMENT
+        + triangles * PER_TRIANGLE
+        + textures
+        + u64::from(patches) * PER_PATCH
+}
+
+/// Refuses a bake that would want more than it may have.
+pub fn check(scene: &Scene, atlas: &Atlas, patches: u32, limit_bytes: Option<u64>) -> Result<()> {
+    let wanted = predict(scene, atlas, patches);
+    match limit_bytes {
+        Some(limit) if wanted > limit => Err(Error::TooLarge {
+            at: "memory".into(),
+            what: format!(
+                "the bake wants about {} and may have {}; lower --density or --page-size, or raise --memory",
+                human(wanted),
+                human(limit)
+            ),
+        }),
+        _ => Ok(()),
+    }
+}
+
+fn human(bytes: u64) -> String {
+    format!("{:.2} GiB", bytes as f64 / f64::from(1 << 30))
+}
