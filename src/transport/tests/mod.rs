@@ -1,0 +1,4 @@
+//! What every tracer must answer, checked against trying every triangle.
+
+mod shapes;
+mod tracers;
