@@ -1,5 +1,7 @@
 //! Rays through the world: the BVH, what blocks light, form factors. Knows triangles, no scenes' meaning.
 
+pub mod form_factors;
+
 use glam::Vec3;
 
 /// A ray; `direction` has unit length.
