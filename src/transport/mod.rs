@@ -24,6 +24,8 @@ pub use offset::{offset_origin, segment, segment_to_surface};
 pub use tracer::{AnyTracer, CutoutTracer, OpaqueTracer, TintedTracer};
 pub use world::{Blocking, World};
 
+pub mod form_factors;
+
 use glam::Vec3;
 
 /// A ray; `direction` has unit length.
