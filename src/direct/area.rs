@@ -1,7 +1,7 @@
 //! Light from emissive surfaces: Lambert's polygon formula near, one point per polygon far.
 
 use super::{Emitter, Receiver, ShadowRay};
-use crate::transport::form_factors::point_to_polygon;
+use crate::transport::form_factors::polygon::point_to_polygon_shaded;
 use crate::transport::segment_to_surface;
 use crate::units::Irradiance;
 use glam::{DVec3, Vec3};
@@ -71,7 +71,12 @@ impl Polygon {
             return cosine * facing * self.area / (PI * distance_squared * distance_squared);
         }
         let corners = &self.corners[..self.count];
-        point_to_polygon(receiver.position_world.as_dvec3(), receiver.normal_shading.as_dvec3(), corners) as f32
+        point_to_polygon_shaded(
+            receiver.position_world.as_dvec3(),
+            receiver.normal_geometric.as_dvec3(),
+            receiver.normal_shading.as_dvec3(),
+            corners,
+        ) as f32
     }
 
     /// Power sent out per channel mean, up to a factor π.
