@@ -28,4 +28,6 @@ pub mod gather;
 pub mod resolve;
 pub mod export;
 
+pub mod report;
+
 pub use error::{Error, Result, Warning};

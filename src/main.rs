@@ -1,3 +1,19 @@
 //! The `lightkiln` command.
 
-fn main() {}
+#![forbid(unsafe_code)]
+
+mod cli;
+
+use clap::Parser;
+use cli::args::{Cli, Command};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return cli::failure::usage(&error),
+    };
+    match cli.command {
+        Command::Bake(args) => cli::failure::guarded(args.run.verbose, || cli::bake::run(&args)),
+    }
+}

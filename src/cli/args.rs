@@ -1,0 +1,179 @@
+//! What can be typed. Every default is read from the library.
+
+use super::values::{self, Pick, Sky};
+use clap::{Args, Parser, Subcommand};
+use lightkiln::options::{
+    AtlasOptions, ExportOptions, ImportOptions, LampUnits, LampsOut, LightPart, Quality, Store,
+};
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  lightkiln bake room.glb                                writes room.baked.glb and its EXR beside it
+  lightkiln bake room.glb -o out/lit.glb --quality high  choose the file and the effort
+  lightkiln bake house.glb --sky 0.35,0.55,1.0           a blue sky around the scene
+  lightkiln bake house.glb --sky noon.hdr,0.5            an image of a sky at half strength
+  lightkiln bake room.glb --preview lit.glb              also a file that any viewer shows lit";
+
+const EXIT_CODES: &str = "\
+Ctrl-C stops the bake and writes the solution so far; a second Ctrl-C quits at once.
+Exit codes: 0 done, 1 could not, 2 wrong usage, 130 interrupted.";
+
+/// Bakes light into glTF: unwraps, solves radiosity, writes EXR lightmaps back.
+#[derive(Debug, Parser)]
+#[command(version, arg_required_else_help = true, after_help = EXAMPLES)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Bake the light of a scene into lightmaps
+    Bake(Box<BakeArgs>),
+}
+
+/// The arguments of `bake`, as typed.
+#[derive(Debug, Args)]
+#[command(
+    arg_required_else_help = true,
+    after_help = EXAMPLES,
+    after_long_help = format!("{EXAMPLES}\n\n{EXIT_CODES}"),
+)]
+pub struct BakeArgs {
+    /// The scene, a .glb or .gltf file; it is never changed
+    #[arg(value_name = "SCENE")]
+    pub input: PathBuf,
+
+    /// How much effort goes into the light
+    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = Pick(Quality::default()))]
+    pub quality: Pick<Quality>,
+
+    /// What is written.
+    #[command(flatten)]
+    pub output: OutputArgs,
+
+    /// Texture space.
+    #[command(flatten)]
+    pub atlas: AtlasArgs,
+
+    /// How the scene is read.
+    #[command(flatten)]
+    pub scene: SceneArgs,
+
+    /// How the bake runs.
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+/// What is written.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Output")]
+pub struct OutputArgs {
+    /// The baked file, .glb or .gltf [default: SCENE.baked beside the scene]
+    #[arg(short, long, value_name = "FILE", value_parser = values::gltf_path())]
+    pub output: Option<PathBuf>,
+
+    /// A second file that stock viewers show lit
+    #[arg(long, value_name = "FILE", value_parser = values::gltf_path())]
+    pub preview: Option<PathBuf>,
+
+    /// What the bake did, as JSON; - is standard output
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+
+    /// What a texel holds
+    #[arg(long, value_name = "UNIT", value_enum, default_value_t = Pick(ExportOptions::default().store))]
+    pub store: Pick<Store>,
+
+    /// Which light is stored
+    #[arg(long, value_name = "PART", value_enum, default_value_t = Pick(ExportOptions::default().light))]
+    pub light: Pick<LightPart>,
+
+    /// What happens to the lamps of the file
+    #[arg(long, value_name = "WHAT", value_enum, default_value_t = Pick(ExportOptions::default().lamps))]
+    pub lamps: Pick<LampsOut>,
+
+    /// Put the EXRs into the GLB instead of beside it
+    #[arg(long)]
+    pub embed: bool,
+
+    /// Store 32 bit instead of 16 bit floats
+    #[arg(long)]
+    pub float: bool,
+}
+
+/// Texture space.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Texture space")]
+pub struct AtlasArgs {
+    /// Texels per metre [default: one page is well filled]
+    #[arg(long, value_name = "NUMBER", value_parser = values::density, allow_negative_numbers = true)]
+    pub density: Option<f32>,
+
+    /// Width and height of a page, texels
+    #[arg(
+        long,
+        value_name = "TEXELS",
+        value_parser = values::page_size(),
+        default_value_t = AtlasOptions::default().page_size,
+    )]
+    pub page_size: u32,
+
+    /// The most pages that may be written; the density gives way
+    #[arg(
+        long,
+        value_name = "NUMBER",
+        value_parser = values::pages(),
+        default_value_t = AtlasOptions::default().max_pages,
+    )]
+    pub max_pages: u32,
+}
+
+/// How the scene is read.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Scene")]
+pub struct SceneArgs {
+    /// Name or number of the glTF scene [default: the file's default scene]
+    #[arg(long, value_name = "NAME")]
+    pub scene: Option<String>,
+
+    /// R,G,B[,STRENGTH], or an equirectangular .exr or .hdr FILE[,STRENGTH] [default: the file's]
+    #[arg(long, value_parser = values::sky, allow_hyphen_values = true)]
+    pub sky: Option<Sky>,
+
+    /// Angular diameter of every sun; 0 is sharp [default: the file's]
+    #[arg(long, value_name = "DEGREES", value_parser = values::sun_angle, allow_negative_numbers = true)]
+    pub sun_angle: Option<f32>,
+
+    /// How the numbers of lamps are meant
+    #[arg(long, value_name = "UNITS", value_enum, default_value_t = Pick(ImportOptions::default().lamp_units))]
+    pub lamp_units: Pick<LampUnits>,
+
+    /// Let the scene name files outside its own folder
+    #[arg(long)]
+    pub allow_outside: bool,
+}
+
+/// How the bake runs.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Run")]
+pub struct RunArgs {
+    /// Worker threads [default: one per core]
+    #[arg(long, value_name = "NUMBER", value_parser = values::threads())]
+    pub threads: Option<u16>,
+
+    /// The most memory to use, such as 512MiB or 4GiB [default: no limit]
+    #[arg(long, value_name = "SIZE", value_parser = values::memory_bytes)]
+    pub memory: Option<u64>,
+
+    /// Print errors only
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub quiet: bool,
+
+    /// Print everything: stages, effects, energy, every warning
+    #[arg(short, long)]
+    pub verbose: bool,
+}
