@@ -73,11 +73,11 @@ pub struct BakeArgs {
 #[command(next_help_heading = "Output")]
 pub struct OutputArgs {
     /// The baked file, .glb or .gltf [default: SCENE.baked beside the scene]
-    #[arg(short, long, value_name = "FILE", value_parser = values::gltf_path())]
+    #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
 
     /// A second file that stock viewers show lit
-    #[arg(long, value_name = "FILE", value_parser = values::gltf_path())]
+    #[arg(long, value_name = "FILE")]
     pub preview: Option<PathBuf>,
 
     /// What the bake did, as JSON; - is standard output

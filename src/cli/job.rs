@@ -1,4 +1,4 @@
-//! What the arguments mean, and whether it can be done at all: an hour of baking must not end at a missing folder.
+//! What the arguments mean.
 
 use super::args::BakeArgs;
 use super::progress::Verbosity;
@@ -89,24 +89,19 @@ impl Job {
         }
     }
 
-    /// Refuses what cannot end well: files that would overwrite the scene or each other, folders that are missing
-    /// or cannot be written to.
+    /// Refuses a report that would overwrite another file of the bake or has no place to be: an hour of baking must
+    /// not end there. The other files are the library's to check.
     pub fn check(&self) -> std::result::Result<(), Refusal> {
-        fs::metadata(&self.input).map_err(|e| Refusal::Error(Error::io(&self.input, e)))?;
-        let mut taken = vec![("the scene", resolved(&self.input))];
-        for (name, path) in self.written() {
-            let place = resolved(path);
-            if let Some((other, _)) = taken.iter().find(|(_, other)| *other == place) {
-                let path = path.display();
-                return Err(Refusal::Misuse(format!("{name} and {other} are the same file, {path}")));
-            }
-            taken.push((name, place));
-            writable(folder(path)).map_err(Refusal::Error)?;
+        let Some(ReportTo::File(report)) = &self.report else { return Ok(()) };
+        let export = &self.options.export;
+        let others = [Some(&self.input), export.output.as_ref(), export.preview.as_ref()];
+        if others.into_iter().flatten().any(|other| resolved(other) == resolved(report)) {
+            let report = report.display();
+            return Err(Refusal::Misuse(format!(
+                "the report cannot have the same name as another file, {report}"
+            )));
         }
-        if self.options.export.output.is_none() {
-            writable(folder(&self.input)).map_err(Refusal::Error)?;
-        }
-        Ok(())
+        writable(report).map_err(|e| Refusal::Error(Error::io(report, e)))
     }
 
     /// Writes the report where it was asked for.
@@ -124,21 +119,6 @@ impl Job {
         }
         .map_err(|e| Error::io(name, e))
     }
-
-    fn written(&self) -> impl Iterator<Item = (&'static str, &Path)> {
-        let report = match &self.report {
-            Some(ReportTo::File(path)) => Some(path),
-            _ => None,
-        };
-        let export = &self.options.export;
-        [
-            ("the output", export.output.as_ref()),
-            ("the preview", export.preview.as_ref()),
-            ("the report", report),
-        ]
-        .into_iter()
-        .filter_map(|(name, path)| Some((name, path?.as_path())))
-    }
 }
 
 /// The same text for the same file, however it is named; also for a file that is not there yet.
@@ -154,18 +134,77 @@ fn folder(path: &Path) -> &Path {
     }
 }
 
-/// Tries whether a file can be made in the folder.
-fn writable(folder: &Path) -> Result<()> {
-    let probe = folder.join(format!(".lightkiln-{}.probe", std::process::id()));
-    fs::File::create_new(&probe).and_then(|_| fs::remove_file(&probe)).map_err(|e| Error::io(folder, e))
+/// Tries whether the file could be written, without touching it.
+fn writable(path: &Path) -> io::Result<()> {
+    if path.is_dir() {
+        return Err(io::ErrorKind::IsADirectory.into());
+    }
+    let probe = temporary(path);
+    fs::File::create_new(&probe).and_then(|_| fs::remove_file(&probe))
 }
 
 /// Writes beside the file and renames, so that there is never half a file.
 fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut name = path.as_os_str().to_owned();
-    name.push(format!(".{}.tmp", std::process::id()));
-    let temporary = PathBuf::from(name);
-    fs::write(&temporary, bytes).and_then(|()| fs::rename(&temporary, path)).inspect_err(|_| {
-        let _ = fs::remove_file(&temporary);
+    let beside = temporary(path);
+    fs::write(&beside, bytes).and_then(|()| fs::rename(&beside, path)).inspect_err(|_| {
+        let _ = fs::remove_file(&beside);
     })
+}
+
+fn temporary(path: &Path) -> PathBuf {
+    folder(path).join(format!(".lightkiln-report-{}.tmp", std::process::id()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::args::{Cli, Command};
+    use clap::Parser;
+    use lightkiln::options::{LampUnits, LampsOut, LightPart, Quality, SkyOption, Store};
+
+    fn job(arguments: &[&str]) -> Job {
+        let typed = ["lightkiln", "bake", "room.glb"].iter().chain(arguments);
+        let Command::Bake(args) = Cli::try_parse_from(typed).unwrap().command;
+        Job::new(&args)
+    }
+
+    #[test]
+    fn nothing_typed_means_the_library_s_defaults() {
+        let job = job(&[]);
+        assert_eq!(format!("{:?}", job.options), format!("{:?}", BakeOptions::default()));
+        assert_eq!((job.threads, job.memory_limit_bytes, job.verbosity), (None, None, Verbosity::Normal));
+    }
+
+    #[test]
+    fn what_is_typed_arrives() {
+        let typed = "-o a.glb --preview b.glb --report c.json --store radiosity --light indirect --lamps tag --embed \
+                     --float --density 2.5 --page-size 64 --max-pages 3 --scene attic --sky 1,2,3,2 --sun-angle 0.5 \
+                     --lamp-units gltf --allow-outside --threads 3 --memory 2GiB --quality high -v";
+        let Job { options, report, verbosity, threads, memory_limit_bytes, .. } =
+            job(&typed.split_whitespace().collect::<Vec<_>>());
+        let BakeOptions { import, atlas, light, export } = options;
+        assert_eq!(export.output, Some("a.glb".into()));
+        assert_eq!(export.preview, Some("b.glb".into()));
+        assert!(matches!(report, Some(ReportTo::File(path)) if path == Path::new("c.json")));
+        assert_eq!(
+            (export.store, export.light, export.lamps),
+            (Store::Radiosity, LightPart::Indirect, LampsOut::Tag)
+        );
+        assert!(export.embed && export.full_float && import.allow_outside);
+        assert_eq!((atlas.density, atlas.page_size, atlas.max_pages), (Some(2.5), 64, 3));
+        assert_eq!((import.scene.as_deref(), import.sun_angle_deg), (Some("attic"), Some(0.5)));
+        assert_eq!(import.lamp_units, LampUnits::Gltf);
+        assert!(matches!(import.sky, Some(SkyOption::Constant(sky)) if sky.0.to_array() == [2.0, 4.0, 6.0]));
+        assert_eq!(format!("{light:?}"), format!("{:?}", Quality::High.light()));
+        assert_eq!((threads, memory_limit_bytes, verbosity), (Some(3), Some(2 << 30), Verbosity::Verbose));
+        assert!(matches!(job(&["--report", "-"]).report, Some(ReportTo::Stdout)));
+    }
+
+    #[test]
+    fn a_report_never_replaces_another_file() {
+        let misused = |arguments: &[&str]| matches!(job(arguments).check(), Err(Refusal::Misuse(_)));
+        assert!(misused(&["--report", "./room.glb"]));
+        assert!(misused(&["-o", "out.glb", "--report", "./out.glb"]));
+        assert!(!misused(&["--report", "room.json"]));
+    }
 }

@@ -1,7 +1,7 @@
 //! Single values, from text to what the library takes; the messages say what was expected.
 
 use clap::ValueEnum;
-use clap::builder::{PathBufValueParser, PossibleValue, RangedI64ValueParser, TypedValueParser};
+use clap::builder::{PossibleValue, RangedI64ValueParser};
 use glam::Vec3;
 use lightkiln::options::{LampUnits, LampsOut, LightPart, Quality, SkyOption, Store};
 use lightkiln::units::Radiance;
@@ -138,17 +138,6 @@ fn image(text: &str) -> Result<Sky, String> {
         return Err("the strength of a sky must be finite and not negative".to_owned());
     }
     Ok(Sky(SkyOption::Image { path: PathBuf::from(path), strength }))
-}
-
-/// A file that glTF can be written to.
-pub fn gltf_path() -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().try_map(|path| {
-        if has_extension(&path, &["glb", "gltf"]) {
-            Ok(path)
-        } else {
-            Err("the name must end in .glb or .gltf")
-        }
-    })
 }
 
 /// Whether the name ends in one of the extensions, whatever the case.
