@@ -21,7 +21,7 @@ pub fn run(args: &BakeArgs) -> ExitCode {
 
     let cancel = Arc::new(AtomicBool::new(false));
     let display = Display::new(job.verbosity, &job.options.light);
-    interrupt::listen(Arc::clone(&cancel), display.on_interrupt(job.verbosity), || {});
+    interrupt::listen(Arc::clone(&cancel), display.on_interrupt(job.verbosity));
     let result = bake(
         &job.input,
         &job.options,
