@@ -12,6 +12,7 @@ pub use sky::{Sky, SkyImage};
 pub use texture::{Filter, Pixels, Texture, Wrap};
 
 use crate::error::Warning;
+use crate::options::LampUnits;
 use crate::units::{Intensity, Irradiance, Radiance, Reflectance};
 use glam::{DAffine3, DVec3, Vec2, Vec3, Vec4};
 
@@ -44,6 +45,9 @@ pub struct Scene {
     pub sky: Sky,
     /// World position, metres, of the scene's local origin; subtracted from every position.
     pub origin_world: DVec3,
+    /// How the numbers of the file's lamps were read; never [`LampUnits::Auto`] in an imported scene. With
+    /// [`LampUnits::Gltf`] all light is photometric: lm and cd where the types say W and W/sr.
+    pub lamp_units: LampUnits,
     /// What was dropped or approximated on the way in.
     pub warnings: Vec<Warning>,
 }
@@ -56,7 +60,7 @@ pub struct Geometry {
     pub name: String,
     /// Vertex positions, local units.
     pub position_local: Vec<Vec3>,
-    /// Vertex normals, unit length, local; computed where the file has none.
+    /// Vertex normals, unit length, local; means of the faces around where the file has none.
     pub normal_local: Vec<Vec3>,
     /// Texture coordinate sets, each as long as `position_local`.
     pub texcoords: Vec<Vec<Vec2>>,
@@ -64,7 +68,8 @@ pub struct Geometry {
     pub color: Vec<Vec4>,
     /// Vertex indices, counter-clockwise from the front.
     pub triangles: Vec<[u32; 3]>,
-    /// Whether any vertex normal leaves its triangle's plane normal by more than half a degree.
+    /// Whether any vertex normal leaves its triangle's plane normal by more than half a degree. False for primitives
+    /// without normals, which glTF wants flat: then [`Scene::shading_normal`] is the triangle's plane normal.
     pub smooth: bool,
     /// Whether triangles of an unindexed, flat-shaded primitive share no vertices although they touch.
     pub unindexed: bool,
@@ -214,6 +219,14 @@ impl Scene {
         &self.materials[surface.material.0 as usize]
     }
 
+    /// Whether any lamp sends out light.
+    pub fn lamps_shine(&self) -> bool {
+        self.lamps.iter().any(|lamp| match lamp.kind {
+            LampKind::Point { intensity, .. } => intensity.0.max_element() > 0.0,
+            LampKind::Sun { irradiance, .. } => irradiance.0.max_element() > 0.0,
+        })
+    }
+
     /// Diffuse reflectance at a point: base colour × texture × vertex colour × (1 − metallic).
     pub fn reflectance(&self, at: SurfacePoint) -> Reflectance {
         let (surface, material) = self.at(at);
@@ -259,13 +272,23 @@ impl Scene {
         }
     }
 
-    /// Interpolated shading normal, world, unit length.
+    /// Shading normal, world, unit length: interpolated where the geometry is smooth, else the triangle's own.
     pub fn shading_normal(&self, at: SurfacePoint) -> Vec3 {
         let surface = &self.surfaces[at.surface as usize];
         let [a, b, c] = self.corner_indices(surface, at.triangle).map(|i| surface.normal_world[i]);
+        if !self.geometry(surface).smooth {
+            return self.plane_normal(surface, at.triangle).unwrap_or(a);
+        }
         (a * (1.0 - at.barycentric.x - at.barycentric.y) + b * at.barycentric.x + c * at.barycentric.y)
             .try_normalize()
             .unwrap_or(a)
+    }
+
+    /// Normal of a triangle's plane on its front, world, unit length; `None` when it has no area.
+    pub fn plane_normal(&self, surface: &Surface, triangle: u32) -> Option<Vec3> {
+        // In f64, where the products of small edges do not vanish.
+        let [a, b, c] = self.corners_world(surface, triangle).map(Vec3::as_dvec3);
+        (b - a).cross(c - a).try_normalize().map(|normal| normal.as_vec3())
     }
 
     /// World position of a point.
