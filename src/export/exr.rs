@@ -211,11 +211,11 @@ pub struct ExrImage {
 /// memory is taken.
 pub fn read_exr(path: &Path) -> Result<ExrImage> {
     let bytes = std::fs::read(path).map_err(|error| Error::io(path, error))?;
-    decode(&path.display().to_string(), &bytes)
+    decode_exr(&path.display().to_string(), &bytes)
 }
 
-/// Decodes an RGB EXR; `at` names it in errors. See [`read_exr`].
-pub fn decode(at: &str, bytes: &[u8]) -> Result<ExrImage> {
+/// Reads an RGB EXR from memory; `at` names it in errors. See [`read_exr`].
+pub fn decode_exr(at: &str, bytes: &[u8]) -> Result<ExrImage> {
     let broken = |error: e::Error| Error::invalid(at, format!("not a readable EXR: {error}"));
     let meta = e::MetaData::read_from_buffered(bytes, false).map_err(broken)?;
     for header in &meta.headers {
@@ -284,8 +284,8 @@ mod tests {
         let half = encode("page", 8, &value, &header(), false).unwrap();
         let float = encode("page", 8, &value, &header(), true).unwrap();
         assert_eq!((half.mended, float.mended), (Mended::default(), Mended::default()));
-        let half = decode("page", &half.bytes).unwrap();
-        let float = decode("page", &float.bytes).unwrap();
+        let half = decode_exr("page", &half.bytes).unwrap();
+        let float = decode_exr("page", &float.bytes).unwrap();
         assert_eq!(float.size, [8, 8]);
         assert_eq!(float.value, value);
         for (stored, wanted) in half.value.iter().zip(&value) {
@@ -329,7 +329,7 @@ mod tests {
         value[2] = Vec3::new(-0.0, 65504.0, 65505.0);
         let page = encode("page", 3, &value, &Header::default(), false).unwrap();
         assert_eq!(page.mended, Mended { clipped: 2, unlawful: 1 });
-        let read = decode("page", &page.bytes).unwrap();
+        let read = decode_exr("page", &page.bytes).unwrap();
         assert_eq!(read.value[0], Vec3::new(HALF_MAX, 1.0, HALF_MAX));
         assert_eq!(read.value[1], Vec3::new(0.0, 0.0, 2.0));
         assert_eq!(read.value[2].to_array().map(f32::to_bits), [0f32, HALF_MAX, HALF_MAX].map(f32::to_bits));
@@ -344,20 +344,20 @@ mod tests {
     #[test]
     fn damaged_files_are_errors() {
         let good = encode("page", 16, &gradient(16), &header(), false).unwrap().bytes;
-        assert!(decode("page", b"").is_err());
-        assert!(decode("page", &good[..good.len() / 2]).is_err());
+        assert!(decode_exr("page", b"").is_err());
+        assert!(decode_exr("page", &good[..good.len() / 2]).is_err());
         // Every byte of the header in turn: whatever comes of it, no panic and no giant allocation.
         for at in 0..good.len().min(900) {
             for with in [0x00, 0x7f, 0xff] {
                 let mut bad = good.clone();
                 bad[at] = with;
-                let _ = decode("page", &bad);
+                let _ = decode_exr("page", &bad);
             }
         }
         let window = good.windows(10).position(|w| w == b"dataWindow").unwrap() + b"dataWindow\0box2i\0".len() + 4;
         let mut huge = good.clone();
         huge[window + 8..window + 12].copy_from_slice(&60_000i32.to_le_bytes());
         huge[window + 12..window + 16].copy_from_slice(&60_000i32.to_le_bytes());
-        assert!(decode("page", &huge).unwrap_err().to_string().contains("60001"));
+        assert!(decode_exr("page", &huge).unwrap_err().to_string().contains("60001"));
     }
 }

@@ -39,6 +39,11 @@ impl Batch {
         Ok(())
     }
 
+    /// Whether a file of this name is staged.
+    pub fn has(&self, path: &Path) -> bool {
+        self.staged.iter().any(|(_, staged)| staged == path)
+    }
+
     /// Gives every file its name, in the order they were added, and returns the names.
     pub fn commit(self) -> Result<Vec<PathBuf>> {
         let mut written = Vec::with_capacity(self.staged.len());
@@ -62,7 +67,7 @@ impl Batch {
                 "the input is made of this file, and the input is never changed: choose another output name",
             ));
         }
-        if self.staged.iter().any(|(_, staged)| staged == path) {
+        if self.has(path) {
             return Err(Error::invalid(
                 path.display().to_string(),
                 "two files of this bake would have this name: choose another output name",
