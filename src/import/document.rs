@@ -1,7 +1,9 @@
 //! The file as it is: kept whole, so that export can append to it without losing anything.
 
+use super::compression::DecodedView;
 use serde_json::Value;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// How the file is wrapped.
 #[derive(Clone, Debug)]
@@ -37,9 +39,19 @@ pub struct Document {
     pub container: Container,
     /// One per entry of `buffers`.
     pub buffers: Vec<Buffer>,
+    /// What EXT_meshopt_compression hides, one per entry of `bufferViews`, decoded when first asked for: one view often
+    /// serves hundreds of accessors.
+    pub(super) decoded_views: Vec<OnceLock<DecodedView>>,
 }
 
-/// Elements of an accessor as raw bytes, tightly packed, sparse values applied, compression undone.
+impl Document {
+    /// The folder that relative uris start from.
+    pub fn folder(&self) -> &Path {
+        self.path.parent().unwrap_or(Path::new(""))
+    }
+}
+
+/// Elements of an accessor as raw little-endian bytes, tightly packed, sparse values applied, compression undone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RawAccessor {
     /// glTF component type, 5120..=5126.
