@@ -1,7 +1,7 @@
 //! All files of a bake, or none: each is written under a temporary name in its own folder, then all are renamed.
 
 use crate::error::{Error, Result};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -15,13 +15,41 @@ pub(super) struct Batch {
     staged: Vec<(NamedTempFile, PathBuf)>,
     /// Files of the input, canonical: never to be replaced.
     protected: BTreeSet<PathBuf>,
+    /// Names that files of this bake will have.
+    reserved: BTreeSet<PathBuf>,
+    /// Staged copies, with what they are copies of.
+    copies: BTreeMap<PathBuf, PathBuf>,
 }
 
 impl Batch {
     /// Nothing staged yet; `protected` files are never replaced.
     pub fn new(protected: impl IntoIterator<Item = PathBuf>) -> Self {
         let protected = protected.into_iter().filter_map(|path| path.canonicalize().ok()).collect();
-        Self { staged: Vec::new(), protected }
+        Self { staged: Vec::new(), protected, reserved: BTreeSet::new(), copies: BTreeMap::new() }
+    }
+
+    /// Keeps names for files that will be added later.
+    pub fn reserve(&mut self, paths: impl IntoIterator<Item = PathBuf>) {
+        self.reserved.extend(paths);
+    }
+
+    /// Whether a file of this bake has, or will have, this name.
+    pub fn has(&self, path: &Path) -> bool {
+        self.reserved.contains(path) || self.staged.iter().any(|(_, staged)| staged == path)
+    }
+
+    /// Whether `path` will be a copy of `source`.
+    pub fn copies(&self, path: &Path, source: &Path) -> bool {
+        self.copies.get(path).is_some_and(|known| known == source)
+    }
+
+    /// Adds a copy of a file, making the folder it goes to.
+    pub fn add_copy(&mut self, path: &Path, source: PathBuf, bytes: &[u8]) -> Result<()> {
+        let folder = folder_of(path);
+        std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
+        self.add(path, &[bytes])?;
+        self.copies.insert(path.to_owned(), source);
+        Ok(())
     }
 
     /// Writes the parts, one after the other, as what will be `path`.
@@ -37,11 +65,6 @@ impl Batch {
         file.as_file().sync_all().map_err(told)?;
         self.staged.push((file, path.to_owned()));
         Ok(())
-    }
-
-    /// Whether a file of this name is staged.
-    pub fn has(&self, path: &Path) -> bool {
-        self.staged.iter().any(|(_, staged)| staged == path)
     }
 
     /// Gives every file its name, in the order they were added, and returns the names.
@@ -67,7 +90,7 @@ impl Batch {
                 "the input is made of this file, and the input is never changed: choose another output name",
             ));
         }
-        if self.has(path) {
+        if self.staged.iter().any(|(_, staged)| staged == path) {
             return Err(Error::invalid(
                 path.display().to_string(),
                 "two files of this bake would have this name: choose another output name",

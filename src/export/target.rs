@@ -5,6 +5,7 @@ use super::uri;
 use crate::error::{Error, Result, Warning};
 use crate::import::{Container, Document};
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// How the output is wrapped.
@@ -110,7 +111,7 @@ pub(super) fn bring_resources(
     if same_file(from, to) {
         return Ok(());
     }
-    let mut copies: Vec<(PathBuf, Vec<u8>)> = Vec::new();
+    let mut copies: BTreeMap<PathBuf, (PathBuf, Vec<u8>)> = BTreeMap::new();
     let mut failed = None;
     each_uri(json, &mut |uri| {
         let Some(source) = find(from, uri) else {
@@ -120,7 +121,7 @@ pub(super) fn bring_resources(
         };
         let way = uri::to_path(uri);
         let copy = to.join(&way);
-        if same_file(&copy, &source) || copies.iter().any(|(path, _)| *path == copy) {
+        if same_file(&copy, &source) || copies.contains_key(&copy) || batch.copies(&copy, &source) {
             return None;
         }
         let bytes = match std::fs::read(&source) {
@@ -132,10 +133,10 @@ pub(super) fn bring_resources(
         };
         let free = !copy.exists() && !batch.has(&copy);
         if uri::stays_inside(&way) && free {
-            copies.push((copy, bytes));
+            copies.insert(copy, (source, bytes));
             return None;
         }
-        if uri::stays_inside(&way) && std::fs::read(&copy).is_ok_and(|there| there == bytes) {
+        if uri::stays_inside(&way) && !batch.has(&copy) && std::fs::read(&copy).is_ok_and(|there| there == bytes) {
             return None;
         }
         let (folder, file) = (to.canonicalize().ok()?, source.canonicalize().ok()?);
@@ -153,12 +154,7 @@ pub(super) fn bring_resources(
     if let Some(error) = failed {
         return Err(error);
     }
-    for (path, bytes) in copies {
-        let folder = folder_of(&path);
-        std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
-        batch.add(&path, &[&bytes])?;
-    }
-    Ok(())
+    copies.into_iter().try_for_each(|(path, (source, bytes))| batch.add_copy(&path, source, &bytes))
 }
 
 /// Calls `edit` with every reference to a file, in buffers, images and extensions alike; what it returns replaces the
