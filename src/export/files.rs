@@ -1,0 +1,192 @@
+//! All files of a bake, or none: each is written under a temporary name in its own folder, then all are renamed.
+
+use crate::error::{Error, Result};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use tempfile::NamedTempFile;
+
+/// What every temporary name begins with, so that leftovers of a killed run can be told.
+pub const TEMPORARY_PREFIX: &str = ".lightkiln-";
+
+/// Files under temporary names; dropped, they vanish.
+pub(super) struct Batch {
+    staged: Vec<(NamedTempFile, PathBuf)>,
+    /// Files of the input, canonical: never to be replaced.
+    protected: BTreeSet<PathBuf>,
+    /// Names that files of this bake will have.
+    reserved: BTreeSet<PathBuf>,
+    /// Staged copies, with what they are copies of.
+    copies: BTreeMap<PathBuf, PathBuf>,
+}
+
+impl Batch {
+    /// Nothing staged yet; `protected` files are never replaced.
+    pub fn new(protected: impl IntoIterator<Item = PathBuf>) -> Self {
+        let protected = protected.into_iter().filter_map(|path| path.canonicalize().ok()).collect();
+        Self { staged: Vec::new(), protected, reserved: BTreeSet::new(), copies: BTreeMap::new() }
+    }
+
+    /// Keeps names for files that will be added later.
+    pub fn reserve(&mut self, paths: impl IntoIterator<Item = PathBuf>) {
+        self.reserved.extend(paths);
+    }
+
+    /// Whether a file of this bake has, or will have, this name.
+    pub fn has(&self, path: &Path) -> bool {
+        self.reserved.contains(path) || self.staged.iter().any(|(_, staged)| staged == path)
+    }
+
+    /// Whether `path` will be a copy of `source`.
+    pub fn copies(&self, path: &Path, source: &Path) -> bool {
+        self.copies.get(path).is_some_and(|known| known == source)
+    }
+
+    /// Adds a copy of a file, making the folder it goes to.
+    pub fn add_copy(&mut self, path: &Path, source: PathBuf, bytes: &[u8]) -> Result<()> {
+        let folder = folder_of(path);
+        std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
+        self.add(path, &[bytes])?;
+        self.copies.insert(path.to_owned(), source);
+        Ok(())
+    }
+
+    /// Writes the parts, one after the other, as what will be `path`.
+    pub fn add(&mut self, path: &Path, parts: &[&[u8]]) -> Result<()> {
+        self.refuse_input(path)?;
+        let folder = folder_of(path);
+        let told = |error| Error::io(path, error);
+        let mut file = temporary_in(folder).map_err(told)?;
+        for part in parts {
+            file.write_all(part).map_err(told)?;
+        }
+        // Renamed before its bytes are on the disk, a file would be empty after a power cut.
+        file.as_file().sync_all().map_err(told)?;
+        self.staged.push((file, path.to_owned()));
+        Ok(())
+    }
+
+    /// Gives every file its name, in the order they were added, and returns the names.
+    pub fn commit(self) -> Result<Vec<PathBuf>> {
+        let mut written = Vec::with_capacity(self.staged.len());
+        for (file, path) in self.staged {
+            file.persist(&path).map_err(|failed| Error::io(&path, failed.error))?;
+            written.push(path);
+        }
+        let folders: BTreeSet<&Path> = written.iter().map(|path| folder_of(path)).collect();
+        for folder in folders {
+            // The names themselves; not every system lets a folder be opened for this, and nothing is lost where not.
+            let _ = File::open(folder).and_then(|folder| folder.sync_all());
+        }
+        Ok(written)
+    }
+
+    fn refuse_input(&self, path: &Path) -> Result<()> {
+        let target = path.canonicalize();
+        if target.is_ok_and(|target| self.protected.contains(&target)) {
+            return Err(Error::invalid(
+                path.display().to_string(),
+                "the input is made of this file, and the input is never changed: choose another output name",
+            ));
+        }
+        if self.staged.iter().any(|(_, staged)| staged == path) {
+            return Err(Error::invalid(
+                path.display().to_string(),
+                "two files of this bake would have this name: choose another output name",
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Fails where no file can be made in the folder; leaves nothing behind.
+pub(super) fn check_folder(folder: &Path) -> Result<()> {
+    temporary_in(folder).map(drop).map_err(|error| Error::io(folder, error))
+}
+
+/// The folder a file is in; `.` for a bare name.
+pub(super) fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(TEMPORARY_PREFIX).suffix(".tmp");
+    // Temporary files are private by default; these become ordinary files, and the umask still applies.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder.tempfile_in(folder)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut found: Vec<String> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        found.sort();
+        found
+    }
+
+    #[test]
+    fn nothing_stands_under_its_name_before_the_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let (a, b) = (folder.path().join("a.exr"), folder.path().join("b.glb"));
+        std::fs::write(&a, "old").unwrap();
+        let mut batch = Batch::new([]);
+        batch.add(&a, &[b"new", b"er"]).unwrap();
+        batch.add(&b, &[b"second"]).unwrap();
+        assert_eq!(std::fs::read(&a).unwrap(), b"old");
+        assert!(!b.exists());
+        assert_eq!(batch.commit().unwrap(), [a.clone(), b.clone()]);
+        assert_eq!(std::fs::read(&a).unwrap(), b"newer");
+        assert_eq!(names(folder.path()), ["a.exr", "b.glb"]);
+    }
+
+    #[test]
+    fn an_error_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut batch = Batch::new([]);
+        batch.add(&folder.path().join("a.exr"), &[b"x"]).unwrap();
+        let missing = folder.path().join("missing").join("b.glb");
+        let error = batch.add(&missing, &[b"y"]).unwrap_err();
+        assert!(matches!(&error, Error::Io { path, .. } if *path == missing), "{error}");
+        drop(batch);
+        assert_eq!(names(folder.path()), [""; 0]);
+    }
+
+    #[test]
+    fn input_files_are_never_replaced_whatever_their_spelling() {
+        let folder = tempfile::tempdir().unwrap();
+        let input = folder.path().join("in.glb");
+        std::fs::write(&input, "precious").unwrap();
+        let mut batch = Batch::new([input.clone(), folder.path().join("not there")]);
+        let crooked = folder.path().join(".").join("in.glb");
+        assert!(batch.add(&crooked, &[b"x"]).unwrap_err().to_string().contains("another output name"));
+        assert!(batch.add(&folder.path().join("out.glb"), &[b"x"]).is_ok());
+        assert!(batch.add(&folder.path().join("out.glb"), &[b"y"]).is_err());
+        drop(batch);
+        assert_eq!(std::fs::read(&input).unwrap(), b"precious");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn files_are_readable_like_any_other() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (ours, plain) = (folder.path().join("a"), folder.path().join("b"));
+        let mut batch = Batch::new([]);
+        batch.add(&ours, &[b"x"]).unwrap();
+        batch.commit().unwrap();
+        std::fs::write(&plain, "x").unwrap();
+        let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode();
+        assert_eq!(mode(&ours), mode(&plain));
+    }
+}

@@ -1,0 +1,15 @@
+//! The lossless, append-only edit of a glTF.
+
+mod append;
+mod glb;
+mod instances;
+mod lamps;
+mod materials;
+mod meshes;
+mod texcoord;
+mod vertices;
+
+pub(super) use append::{Edit, extension, items, set_extension};
+pub(super) use lamps::settle as settle_lamps;
+pub(super) use meshes::{Worn, dress};
+pub(super) use texcoord::LIGHTMAP;

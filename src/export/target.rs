@@ -1,0 +1,287 @@
+//! Where a bake goes: the names of its files, and what must lie beside them.
+
+use super::files::{Batch, check_folder, folder_of};
+use super::uri;
+use crate::error::{Error, Result, Warning};
+use crate::import::{Container, Document};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// How the output is wrapped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Form {
+    /// `.glb`
+    Binary,
+    /// `.gltf`
+    Json,
+}
+
+/// The names of the files that one output glTF consists of.
+#[derive(Clone, Debug)]
+pub(super) struct Target {
+    /// The glTF itself.
+    pub path: PathBuf,
+    /// Its name without the extension: what the names of its companions begin with.
+    pub stem: String,
+    /// How it is wrapped.
+    pub form: Form,
+}
+
+impl Target {
+    /// The output for `document`: `path`, or beside the input with `.baked` in its name.
+    pub fn new(document: &Document, path: Option<&Path>) -> Result<Self> {
+        let own = match document.container {
+            Container::Binary { .. } => Form::Binary,
+            Container::Json => Form::Json,
+        };
+        let extension = |path: &Path| path.extension().map(|e| e.to_ascii_lowercase());
+        let path = match path {
+            Some(path) => path.to_owned(),
+            None => {
+                let end = match own {
+                    Form::Binary => "baked.glb",
+                    Form::Json => "baked.gltf",
+                };
+                document.path.with_extension(end)
+            }
+        };
+        let at = || path.display().to_string();
+        let form = match extension(&path) {
+            Some(e) if e == "glb" => Form::Binary,
+            Some(e) if e == "gltf" => Form::Json,
+            // Other programs' names for the same container, such as .vrm.
+            Some(e) if Some(&e) == extension(&document.path).as_ref() => own,
+            _ => return Err(Error::invalid(at(), "the output's name must end in .glb or .gltf")),
+        };
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let Some(stem) = stem.filter(|stem| !stem.is_empty()) else {
+            return Err(Error::invalid(at(), "the output needs a file name"));
+        };
+        if same_file(&path, &document.path) {
+            return Err(Error::invalid(at(), "this is the input, which is never changed: choose another output"));
+        }
+        Ok(Self { path, stem, form })
+    }
+
+    /// A companion's path.
+    pub fn beside(&self, name: &str) -> PathBuf {
+        self.folder().join(name)
+    }
+
+    /// The folder it all goes to.
+    pub fn folder(&self) -> &Path {
+        folder_of(&self.path)
+    }
+
+    /// Fails where nothing can be written, before hours are spent on what should be.
+    pub fn check(&self) -> Result<()> {
+        if self.path.is_dir() {
+            return Err(Error::invalid(self.path.display().to_string(), "this is a folder, not a file"));
+        }
+        check_folder(self.folder())
+    }
+}
+
+/// Every file the input consists of.
+pub(super) fn input_files(document: &Document) -> Vec<PathBuf> {
+    let folder = folder_of(&document.path);
+    let mut files = vec![document.path.clone()];
+    files.extend(document.buffers.iter().filter_map(|buffer| buffer.path.clone()));
+    each_uri(&mut document.json.clone(), &mut |uri| {
+        files.extend(find(folder, uri));
+        None
+    });
+    files
+}
+
+/// Keeps the references to other files true when the output lies in another folder than the input.
+///
+/// A file inside the input's folder is copied to the same place beside the output: the reference stays letter by
+/// letter, and the output's folder is whole and can be moved. Where a copy would leave the output's folder or
+/// replace another file, the reference is changed to lead back to the input's file, with a warning.
+pub(super) fn bring_resources(
+    json: &mut Value,
+    document: &Document,
+    target: &Target,
+    batch: &mut Batch,
+    warnings: &mut Vec<Warning>,
+) -> Result<()> {
+    let (from, to) = (folder_of(&document.path), target.folder());
+    if same_file(from, to) {
+        return Ok(());
+    }
+    let mut copies: BTreeMap<PathBuf, (PathBuf, Vec<u8>)> = BTreeMap::new();
+    let mut failed = None;
+    each_uri(json, &mut |uri| {
+        let Some(source) = find(from, uri) else {
+            let what = "this file is missing; the reference to it was kept as it is";
+            warnings.push(Warning::new(uri, what));
+            return None;
+        };
+        let way = uri::to_path(uri);
+        let copy = to.join(&way);
+        if same_file(&copy, &source) || copies.contains_key(&copy) || batch.copies(&copy, &source) {
+            return None;
+        }
+        let bytes = match std::fs::read(&source) {
+            Ok(bytes) => bytes,
+            Err(error) => {
+                failed.get_or_insert(Error::io(source, error));
+                return None;
+            }
+        };
+        let free = !copy.exists() && !batch.has(&copy);
+        if uri::stays_inside(&way) && free {
+            copies.insert(copy, (source, bytes));
+            return None;
+        }
+        if uri::stays_inside(&way) && !batch.has(&copy) && std::fs::read(&copy).is_ok_and(|there| there == bytes) {
+            return None;
+        }
+        let (folder, file) = (to.canonicalize().ok()?, source.canonicalize().ok()?);
+        let back = uri::relative(&folder, &file).and_then(|way| uri::from_path(&way));
+        let why = if free { "it lies outside the scene's folder" } else { "another file has its name there" };
+        warnings.push(Warning::new(
+            uri,
+            match &back {
+                Some(back) => format!("not copied beside the output, as {why}; the output refers to {back}"),
+                None => format!("not copied beside the output, as {why}; put it there by hand"),
+            },
+        ));
+        back
+    });
+    if let Some(error) = failed {
+        return Err(error);
+    }
+    copies.into_iter().try_for_each(|(path, (source, bytes))| batch.add_copy(&path, source, &bytes))
+}
+
+/// Calls `edit` with every reference to a file, in buffers, images and extensions alike; what it returns replaces the
+/// reference. Extras belong to the artist and are not read.
+fn each_uri(value: &mut Value, edit: &mut dyn FnMut(&str) -> Option<String>) {
+    match value {
+        Value::Object(map) => {
+            for (key, value) in map {
+                match value {
+                    Value::String(uri) if key == "uri" && uri::is_relative(uri) => {
+                        if let Some(new) = edit(uri) {
+                            *uri = new;
+                        }
+                    }
+                    _ if key == "extras" => {}
+                    _ => each_uri(value, edit),
+                }
+            }
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| each_uri(item, edit)),
+        _ => {}
+    }
+}
+
+/// The file a relative URI means, encoded or not.
+fn find(folder: &Path, uri: &str) -> Option<PathBuf> {
+    [uri::to_path(uri), PathBuf::from(uri)].iter().map(|way| folder.join(way)).find(|path| path.is_file())
+}
+
+fn same_file(a: &Path, b: &Path) -> bool {
+    match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => a == b,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+    use std::fs;
+
+    fn document(path: PathBuf, json: Value) -> Document {
+        Document { path, json, container: Container::Json, buffers: Vec::new() }
+    }
+
+    #[test]
+    fn the_name_says_the_container() {
+        let input = document("in/scene.gltf".into(), json!({}));
+        let default = Target::new(&input, None).unwrap();
+        assert_eq!((default.path.as_path(), default.form), (Path::new("in/scene.baked.gltf"), Form::Json));
+        assert_eq!(default.stem, "scene.baked");
+        let glb = Target::new(&input, Some(Path::new("out/x.GLB"))).unwrap();
+        assert_eq!((glb.form, glb.beside("x.bin")), (Form::Binary, PathBuf::from("out/x.bin")));
+        for bad in ["out/x", "out/x.obj", "", "in/scene.gltf"] {
+            assert!(Target::new(&input, Some(Path::new(bad))).is_err(), "{bad}");
+        }
+        let avatar = Document {
+            container: Container::Binary { bin: None, other_chunks: Vec::new() },
+            ..document("a.vrm".into(), json!({}))
+        };
+        assert_eq!(Target::new(&avatar, Some(Path::new("b.vrm"))).unwrap().form, Form::Binary);
+    }
+
+    #[test]
+    fn an_unwritable_folder_is_named_before_the_work() {
+        let folder = tempfile::tempdir().unwrap();
+        let input = document("scene.gltf".into(), json!({}));
+        let missing = folder.path().join("missing");
+        let target = Target::new(&input, Some(&missing.join("x.glb"))).unwrap();
+        assert!(matches!(target.check().unwrap_err(), Error::Io { path, .. } if path == missing));
+        fs::create_dir(folder.path().join("x.glb")).unwrap();
+        let target = Target::new(&input, Some(&folder.path().join("x.glb"))).unwrap();
+        assert!(target.check().is_err());
+        let target = Target::new(&input, Some(&folder.path().join("y.glb"))).unwrap();
+        assert!(target.check().is_ok());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn resources_come_along_and_references_stay() {
+        let root = tempfile::tempdir().unwrap();
+        let path = |name: &str| root.path().join(name);
+        for folder in ["in/tex", "deep/out/tex"] {
+            fs::create_dir_all(path(folder)).unwrap();
+        }
+        for (name, text) in [
+            ("in/a b.bin", "bytes"),
+            ("in/tex/a.png", "a"),
+            ("in/tex/same.png", "same"),
+            ("in/tex/clash.png", "ours"),
+            ("in/sound.ogg", "la"),
+            ("outside.png", "o"),
+            ("in/extra.txt", "x"),
+        ] {
+            fs::write(path(name), text).unwrap();
+        }
+        fs::write(path("deep/out/tex/same.png"), "same").unwrap();
+        fs::write(path("deep/out/tex/clash.png"), "theirs").unwrap();
+        let images = ["tex/a.png", "tex/same.png", "tex/clash.png", "../outside.png", "gone.png", "data:,x"];
+        let json = json!({
+            "buffers": [{"uri": "a%20b.bin", "byteLength": 5}],
+            "images": images.map(|uri| json!({"uri": uri})),
+            "extensions": {"X_audio": {"clips": [{"uri": "sound.ogg"}]}},
+            "extras": {"uri": "extra.txt"},
+        });
+        let input = document(path("in/scene.gltf"), json);
+        assert_eq!(input_files(&input).len(), 7);
+        let target = Target::new(&input, Some(&path("deep/out/scene.gltf"))).unwrap();
+        let (mut out, mut warnings) = (input.json.clone(), Vec::new());
+        let mut batch = Batch::new(input_files(&input));
+        bring_resources(&mut out, &input, &target, &mut batch, &mut warnings).unwrap();
+        batch.commit().unwrap();
+
+        let mut wanted = input.json.clone();
+        wanted["images"][2]["uri"] = json!("../../in/tex/clash.png");
+        wanted["images"][3]["uri"] = json!("../../outside.png");
+        assert_eq!(out, wanted);
+        assert_eq!(warnings.len(), 3, "{warnings:?}");
+        for (name, text) in [
+            ("deep/out/a b.bin", "bytes"),
+            ("deep/out/tex/a.png", "a"),
+            ("deep/out/tex/clash.png", "theirs"),
+            ("deep/out/sound.ogg", "la"),
+        ] {
+            assert_eq!(fs::read_to_string(path(name)).unwrap(), text, "{name}");
+        }
+        assert!(!path("deep/out/extra.txt").exists());
+    }
+}
