@@ -6,9 +6,11 @@ use serde_json::Value;
 
 /// Extensions that may stand in `extensionsRequired`. Those that say nothing of shape, colour or light of a surface
 /// are here too: the file keeps them, and the bake does not need them.
-const READABLE: [&str; 14] = [
+const READABLE: [&str; 16] = [
+    "EXT_mesh_features",
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
+    "EXT_structural_metadata",
     "EXT_texture_webp",
     "KHR_animation_pointer",
     "KHR_draco_mesh_compression",

@@ -26,6 +26,8 @@ mod uri;
 
 #[cfg(test)]
 mod testing;
+#[cfg(test)]
+mod tests;
 
 pub use document::{Buffer, Container, Document, RawAccessor, RawPrimitive};
 

@@ -3,6 +3,7 @@
 use super::document::Document;
 use crate::error::Result;
 use crate::options::ImportOptions;
+use crate::scene::Scene;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -81,6 +82,46 @@ impl Builder {
             json.extend(rest);
         }
         glb(&json, &self.bin)
+    }
+
+    /// Appends a square of 1 m in the xy plane that faces +z: accessors 0 to 3 are positions, normals, texture
+    /// coordinates and indices.
+    pub fn square() -> Self {
+        let mut builder = Self::default();
+        builder.floats(&[0., 0., 0., 1., 0., 0., 1., 1., 0., 0., 1., 0.], "VEC3");
+        builder.floats(&[0., 0., 1.].repeat(4), "VEC3");
+        builder.floats(&[0., 1., 1., 1., 1., 0., 0., 0.], "VEC2");
+        builder.indices(&[0, 1, 2, 0, 2, 3]);
+        builder
+    }
+
+    /// Appends a PNG and returns its buffer view.
+    pub fn png(&mut self, size: [u32; 2], texels: &[[u8; 4]]) -> usize {
+        let picture = image::RgbaImage::from_raw(size[0], size[1], texels.concat()).unwrap();
+        let mut bytes = Vec::new();
+        picture.write_to(&mut std::io::Cursor::new(&mut bytes), image::ImageFormat::Png).unwrap();
+        self.view(&bytes)
+    }
+
+    /// Loads the file with a mesh 'Square' of the square's accessors and a node 'Wall' that uses it, merged with `rest`.
+    pub fn load_square(&self, rest: Value, options: &ImportOptions) -> Result<(Document, Scene)> {
+        let primitive = json!({
+            "attributes": {"POSITION": 0, "NORMAL": 1, "TEXCOORD_0": 2}, "indices": 3,
+            "material": if rest.get("materials").is_some() { json!(0) } else { Value::Null }
+        });
+        let mut primitive = primitive;
+        if let Some(object) = primitive.as_object_mut() {
+            object.retain(|_, value| !value.is_null());
+        }
+        let mut json = json!({
+            "meshes": [{"name": "Square", "primitives": [primitive]}],
+            "nodes": [{"name": "Wall", "mesh": 0}],
+            "scenes": [{"name": "Room", "nodes": [0]}]
+        });
+        if let (Some(json), Value::Object(rest)) = (json.as_object_mut(), rest) {
+            json.extend(rest);
+        }
+        super::load_bytes(Path::new("test.glb"), &self.file(json), options)
     }
 
     /// The file taken apart.
