@@ -12,7 +12,7 @@ const COMMON: [&str; 5] = ["error", "units", "options", "progress", "sampling"];
 
 /// Which module may name which others, besides [`COMMON`]. A stage never names a later one. A file may have a row of
 /// its own, which then counts instead of its module's.
-const MAY_NAME: [(&str, &[&str]); 23] = [
+const MAY_NAME: [(&str, &[&str]); 24] = [
     ("error", &[]),
     ("units", &[]),
     ("options", &[]),
@@ -27,6 +27,7 @@ const MAY_NAME: [(&str, &[&str]); 23] = [
     ("direct", &["scene", "plan", "atlas", "transport", "elements"]),
     ("solve", &["plan", "transport"]),
     ("solve/assemble.rs", &["plan", "transport", "elements"]),
+    ("solve/coarse.rs", &["plan", "transport", "elements"]),
     ("gather", &["scene", "plan", "atlas", "transport", "elements", "direct", "solve"]),
     ("resolve", &["scene", "plan", "atlas", "transport", "elements", "direct", "solve", "gather"]),
     ("export", &["scene", "import", "plan", "atlas", "elements", "resolve"]),

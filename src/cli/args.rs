@@ -13,7 +13,7 @@ Examples:
   lightkiln bake room.glb -o out/lit.glb --quality high  choose the file and the effort
   lightkiln bake house.glb --sky 0.35,0.55,1.0           a blue sky around the scene
   lightkiln bake house.glb --sky noon.hdr,0.5            an image of a sky at half strength
-  lightkiln bake room.glb --preview lit.glb              also a file that any viewer shows lit";
+  lightkiln bake room.glb --preview lit.glb              also a file that stock Blender shows lit";
 
 const EXIT_CODES: &str = "\
 Ctrl-C stops the bake and writes the solution so far; a second Ctrl-C quits at once.
@@ -76,7 +76,7 @@ pub struct OutputArgs {
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
 
-    /// A second file that stock viewers show lit
+    /// A second file that stock Blender shows lit
     #[arg(long, value_name = "FILE")]
     pub preview: Option<PathBuf>,
 

@@ -133,17 +133,16 @@ impl Shared {
         let standing = lock(&self.estimate).at(self.seconds(), stage_share);
         let unshot = f64::from_bits(self.unshot_bits.load(Ordering::Relaxed));
 
-        let mut message = String::new();
+        let stage = *lock(&self.stage);
+        let mut message = stage.map_or("", Stage::name).to_owned();
         if unshot.is_finite() {
-            message = format!("unshot {}  ", text::percent(unshot));
+            message += &format!(", {} unshot", text::percent(unshot));
         }
         if self.stopping.load(Ordering::Relaxed) {
-            message += "stopping: writing the solution so far";
+            message += ", stopping: the solution so far is written";
         } else if let Some(left_s) = standing.left_s {
-            message += &format!("{} left", clock(left_s));
+            message += &format!(", {} left", clock(left_s));
         }
-        let stage = *lock(&self.stage);
-        bar.set_prefix(stage.map_or("", Stage::name));
         bar.set_message(message);
         bar.set_position((standing.share * STEPS as f64) as u64);
         bar.tick();
@@ -153,7 +152,7 @@ impl Shared {
 impl Painter {
     fn start(shared: Arc<Shared>) -> Option<Self> {
         let bar = ProgressBar::with_draw_target(Some(STEPS), ProgressDrawTarget::stderr());
-        if let Ok(style) = ProgressStyle::with_template("{prefix:>9} {bar:30} {percent:>3} %  {msg}") {
+        if let Ok(style) = ProgressStyle::with_template("{bar:30} {percent:>3} %  {msg}") {
             bar.set_style(style.progress_chars("━╸─"));
         }
         let (stop, stopped) = mpsc::channel::<()>();
