@@ -1,6 +1,8 @@
 //! Import over scenes made by others. They lie beside the repository where it is developed; elsewhere the tests say
 //! that they are skipped.
 
+#![allow(clippy::print_stdout, clippy::print_stderr)] // They report what became of each file.
+
 use lightkiln::import;
 use lightkiln::options::ImportOptions;
 use std::collections::BTreeMap;

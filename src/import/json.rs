@@ -160,14 +160,6 @@ impl<'a> Part<'a> {
         self.index(key)?.ok_or_else(|| self.wrong(key, "is missing"))
     }
 
-    /// A finite number.
-    pub fn number(&self, key: &str) -> Result<Option<f64>> {
-        match self.object.get(key) {
-            None => Ok(None),
-            Some(value) => value.as_f64().map(Some).ok_or_else(|| self.wrong(key, "must be a finite number")),
-        }
-    }
-
     /// `N` finite numbers.
     pub fn numbers<const N: usize>(&self, key: &str) -> Result<Option<[f64; N]>> {
         let Some(value) = self.object.get(key) else { return Ok(None) };
@@ -245,8 +237,18 @@ mod tests {
         for key in ["c", "d", "e", "f"] {
             assert!(part.index(key).is_err(), "{key}");
         }
-        assert!(part.number("e").is_err());
-        assert_eq!(part.number("c").unwrap(), Some(3.5));
+    }
+
+    #[test]
+    fn reads_finite_numbers_in_the_right_number() {
+        let json = parse(r#"{"a": [1, 2.5], "b": [1, 1e400], "c": [1, "2"], "d": 1}"#);
+        let part = Part::root(&json).unwrap();
+        assert_eq!(part.numbers::<2>("a").unwrap(), Some([1.0, 2.5]));
+        assert_eq!(part.numbers::<2>("none").unwrap(), None);
+        assert!(part.numbers::<3>("a").is_err());
+        for key in ["b", "c", "d"] {
+            assert!(part.numbers::<2>(key).is_err(), "{key}");
+        }
     }
 
     #[test]

@@ -12,8 +12,13 @@ use glam::{DAffine3, DMat4, DVec3, Vec3};
 pub(super) struct Rig {
     /// Position and normal deltas of each morph target; empty where the target does not touch them.
     targets: Vec<(Vec<Vec3>, Vec<Vec3>)>,
-    /// Joint numbers and their weights, four to a set.
-    influences: Vec<(Vec<[u16; 4]>, Vec<[f32; 4]>)>,
+    influences: Vec<Influences>,
+}
+
+/// One set of joint numbers and their weights, four to a vertex.
+struct Influences {
+    joints: Vec<[u16; 4]>,
+    weights: Vec<[f32; 4]>,
 }
 
 /// Vertices in the world.
@@ -102,8 +107,8 @@ impl Rig {
     fn blend(&self, vertex: usize, joints: &[DAffine3]) -> Option<DAffine3> {
         let mut sum = DAffine3::ZERO;
         let mut total = 0.0;
-        for (numbers, weights) in &self.influences {
-            for (&joint, &weight) in numbers[vertex].iter().zip(&weights[vertex]) {
+        for set in &self.influences {
+            for (&joint, &weight) in set.joints[vertex].iter().zip(&set.weights[vertex]) {
                 if weight > 0.0 {
                     let (joint, weight) = (joints.get(usize::from(joint))?, f64::from(weight));
                     sum.matrix3 += joint.matrix3 * weight;
@@ -150,11 +155,7 @@ pub(super) fn joints(
     Ok(nodes.iter().zip(&binds).map(world).collect())
 }
 
-fn read_influences(
-    joints: &RawAccessor,
-    weights: &RawAccessor,
-    part: &Part,
-) -> Result<(Vec<[u16; 4]>, Vec<[f32; 4]>)> {
+fn read_influences(joints: &RawAccessor, weights: &RawAccessor, part: &Part) -> Result<Influences> {
     let fours = |accessor: &RawAccessor| accessor.kind == "VEC4";
     if !fours(joints) || !fours(weights) || !matches!(joints.component_type, 5121 | 5123) {
         return Err(Error::invalid(
@@ -163,10 +164,13 @@ fn read_influences(
         ));
     }
     let numbers = joints.to_floats();
-    Ok((
-        numbers.chunks_exact(4).map(|j| [j[0] as u16, j[1] as u16, j[2] as u16, j[3] as u16]).collect(),
-        weights.to_floats().chunks_exact(4).map(|w| [w[0], w[1], w[2], w[3]]).collect(),
-    ))
+    Ok(Influences {
+        joints: numbers
+            .chunks_exact(4)
+            .map(|j| [j[0] as u16, j[1] as u16, j[2] as u16, j[3] as u16])
+            .collect(),
+        weights: weights.to_floats().chunks_exact(4).map(|w| [w[0], w[1], w[2], w[3]]).collect(),
+    })
 }
 
 fn deltas(target: &[(String, RawAccessor)], name: &str, part: &Part) -> Result<Vec<Vec3>> {
@@ -195,7 +199,10 @@ mod tests {
     #[test]
     fn joints_move_vertices_and_the_node_does_not() {
         let halves = vec![[0.5, 0.5, 0.0, 0.0]; 3];
-        let rig = Rig { targets: vec![], influences: vec![(vec![[0, 1, 0, 0]; 3], halves)] };
+        let rig = Rig {
+            targets: vec![],
+            influences: vec![Influences { joints: vec![[0, 1, 0, 0]; 3], weights: halves }],
+        };
         let joints = [DAffine3::IDENTITY, DAffine3::from_translation(DVec3::new(4.0, 0.0, 0.0))];
         let away = DAffine3::from_translation(DVec3::splat(100.0));
         let posed = rig.pose(&triangle(), &[], Some(&joints), away).unwrap();

@@ -50,12 +50,19 @@ pub(super) fn place(
     hierarchy: &Hierarchy,
     warnings: &mut Vec<Warning>,
 ) -> Result<Placed> {
-    let (uses, shapes) = collect(document, hierarchy, warnings)?;
+    let uses = collect(document, hierarchy, warnings)?;
+    // The first use of each geometry stands for it.
+    let mut shapes: Vec<&Use> = Vec::new();
+    for used in &uses {
+        if used.geometry == shapes.len() {
+            shapes.push(used);
+        }
+    }
     let built: Vec<Result<Built>> = shapes
         .par_iter()
-        .map(|&(mesh, primitive, node)| {
-            let node = Part::item(&document.json, NODES, node)?.label();
-            geometry::build(document, mesh, primitive, &node)
+        .map(|shape| {
+            let node = Part::item(&document.json, NODES, shape.node)?.label();
+            geometry::build(document, shape.mesh, shape.primitive, &node)
         })
         .collect();
     let mut built: Vec<Built> = built.into_iter().collect::<Result<_>>()?;
@@ -76,16 +83,12 @@ pub(super) fn place(
     Ok(placed)
 }
 
-/// Finds the primitives that the scene uses, each once: `(mesh, primitive, a node that uses it)`.
-fn collect(
-    document: &Document,
-    hierarchy: &Hierarchy,
-    warnings: &mut Vec<Warning>,
-) -> Result<(Vec<Use>, Vec<(usize, usize, usize)>)> {
+/// Finds the primitives that the scene uses, and numbers them: equal ones share a geometry.
+fn collect(document: &Document, hierarchy: &Hierarchy, warnings: &mut Vec<Warning>) -> Result<Vec<Use>> {
     let json = &document.json;
     // Only looked up, never walked: its order does not matter.
     let mut known: HashMap<(usize, usize), Option<usize>> = HashMap::new();
-    let (mut uses, mut shapes, mut claimed) = (Vec::new(), Vec::new(), 0_usize);
+    let (mut uses, mut geometries, mut claimed) = (Vec::new(), 0, 0_usize);
     for node in (0..hierarchy.world_from_node.len()).filter(|&n| hierarchy.world_from_node[n].is_some()) {
         let part = Part::item(json, NODES, node)?;
         let Some(mesh_part) = part.follow(json, "mesh", MESHES)? else { continue };
@@ -99,8 +102,8 @@ fn collect(
                     let vertices = drawable(document, &mesh_part, primitive, warnings)?;
                     let geometry = vertices.map(|vertices| {
                         claimed = claimed.saturating_add(vertices);
-                        shapes.push((mesh, primitive, node));
-                        shapes.len() - 1
+                        geometries += 1;
+                        geometries - 1
                     });
                     if claimed > super::MAX_VERTICES {
                         return Err(too_many(&mesh_part, claimed));
@@ -112,7 +115,7 @@ fn collect(
             uses.extend(geometry.map(|geometry| Use { node, mesh, primitive, geometry }));
         }
     }
-    Ok((uses, shapes))
+    Ok(uses)
 }
 
 /// The vertices a primitive claims; `None` when it has no surface.
@@ -247,19 +250,24 @@ fn rest_pose(
 fn bounds_world(plans: &[Plan], built: &[Built]) -> Result<Option<(DVec3, DVec3)>> {
     let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     let join = |a: (DVec3, DVec3), b: (DVec3, DVec3)| (a.0.min(b.0), a.1.max(b.1));
-    let bounds: Vec<(DVec3, DVec3)> = plans
-        .par_iter()
-        .map(|plan| match &plan.posed {
-            Some(posed) => posed.position_world.iter().fold(empty, |b, &p| join(b, (p, p))),
-            None => built[plan.geometry].geometry.position_local.iter().fold(empty, |bounds, p| {
-                let p = plan.world_from_local.transform_point3(p.as_dvec3());
-                join(bounds, (p, p))
-            }),
-        })
-        .collect();
+    // Minima pass over what is not a number; infinity they keep.
+    let grow = |bounds, p: DVec3| {
+        let p = if p.is_finite() { p } else { DVec3::INFINITY };
+        join(bounds, (p, p))
+    };
+    let bounds: Vec<(DVec3, DVec3)> =
+        plans
+            .par_iter()
+            .map(|plan| match &plan.posed {
+                Some(posed) => posed.position_world.iter().fold(empty, |b, &p| grow(b, p)),
+                None => built[plan.geometry].geometry.position_local.iter().fold(empty, |bounds, p| {
+                    grow(bounds, plan.world_from_local.transform_point3(p.as_dvec3()))
+                }),
+            })
+            .collect();
     for (plan, bounds) in plans.iter().zip(&bounds) {
         let farthest = bounds.0.abs().max(bounds.1.abs()).max_element();
-        if *bounds != empty && !(farthest <= FARTHEST_M) {
+        if *bounds != empty && farthest > FARTHEST_M {
             let what = format!(
                 "it reaches {farthest:.1e} m from the origin, further than {FARTHEST_M:.0e}: scale it down"
             );
@@ -332,7 +340,7 @@ fn mark_collapsed(placed: &mut Placed, warnings: &mut Vec<Warning>) {
     for surface in &mut placed.surfaces {
         let matrix = surface.world_from_local.matrix3;
         let lengths = matrix.x_axis.length() * matrix.y_axis.length() * matrix.z_axis.length();
-        let flattened = !(matrix.determinant().abs() > 1e-12 * lengths);
+        let flattened = matrix.determinant().abs() <= 1e-12 * lengths;
         let triangles = &geometries[surface.geometry.0 as usize].triangles;
         let has_area = triangles.iter().any(|triangle| {
             let [a, b, c] = triangle.map(|i| surface.position_world[i as usize].as_dvec3());
