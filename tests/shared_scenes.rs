@@ -121,7 +121,10 @@ fn every_scene_that_others_made_loads() {
             }
         }
     }
-    println!("refused:\n{}", refused.join("\n"));
+    // Features that are none of ours, and scenes of points and lines, are refused with these words; nothing else is.
+    let reasons = ["which is not supported", "needs a reader of glTF 2.1", "no triangles to bake"];
+    refused.retain(|line| !line.contains("features") || !reasons.iter().any(|reason| line.contains(reason)));
+    assert!(refused.is_empty(), "refused:\n{}", refused.join("\n"));
 }
 
 #[test]

@@ -1,9 +1,13 @@
 //! Primitives as the file stores them: raw attributes and triangles, whatever hides them.
 
+use super::accessor::layout_of;
 use super::compression::{self, DRACO_NAME};
 use super::document::{Document, RawAccessor, RawPrimitive};
 use super::json::{ACCESSORS, MESHES, Part};
 use crate::error::{Error, Result};
+
+/// The most bytes of attributes and morph targets that one primitive may have.
+const MAX_PRIMITIVE_BYTES: usize = 1 << 30;
 
 /// How vertices make triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +60,10 @@ impl Document {
         if topology == Topology::Thin {
             return Err(Error::unsupported(part.at(), "it holds points or lines, which take no light"));
         }
+        if self.claimed_bytes(&part)? > MAX_PRIMITIVE_BYTES {
+            let what = "its attributes and morph targets claim more than 1 GiB: split the mesh";
+            return Err(Error::TooLarge { what: what.to_owned(), at: part.at() });
+        }
         let named = self.semantics(&part, "attributes")?;
         let Some(&(_, position)) = named.iter().find(|(name, _)| *name == "POSITION") else {
             return Err(Error::unsupported(part.at(), "it has no POSITION, so there is nothing to light"));
@@ -75,6 +83,22 @@ impl Document {
         raw.targets = self.targets(&part)?;
         check_counts(&raw, &part)?;
         Ok(raw)
+    }
+
+    /// Bytes that reading a primitive takes, by what its accessors say. Many attributes may point to one accessor, so
+    /// this can be far more than the file.
+    pub(super) fn claimed_bytes(&self, part: &Part) -> Result<usize> {
+        let targets = part.array("targets")?.unwrap_or(&[]);
+        let maps = part.object.get("attributes").into_iter().chain(targets).filter_map(|map| map.as_object());
+        let accessors = maps.flat_map(|map| map.values()).chain(part.object.get("indices"));
+        let bytes = accessors.filter_map(|accessor| {
+            let accessor =
+                Part::item(&self.json, ACCESSORS, usize::try_from(accessor.as_u64()?).ok()?).ok()?;
+            let component_type = u32::try_from(accessor.index("componentType").ok()??).ok()?;
+            let layout = layout_of(component_type, accessor.text("type").ok()??)?;
+            Some(accessor.index("count").ok()??.saturating_mul(layout.element_bytes()))
+        });
+        Ok(bytes.fold(0, usize::saturating_add))
     }
 
     /// Accessors by semantic, in the file's order.
@@ -242,6 +266,18 @@ mod tests {
             primitive(&builder, json!({"attributes": {"NORMAL": 1}})),
             Err(Error::Unsupported { .. })
         ));
+    }
+
+    #[test]
+    fn many_names_for_one_accessor_take_no_memory() {
+        let mut builder = positions(100_000);
+        builder.indices(&[0, 1, 2]);
+        let mut attributes = json!({"POSITION": 0});
+        for name in 0..1000 {
+            attributes[format!("_{name}")] = json!(0);
+        }
+        let result = primitive(&builder, json!({ "attributes": attributes, "indices": 1 }));
+        assert!(matches!(result, Err(Error::TooLarge { .. })));
     }
 
     #[test]

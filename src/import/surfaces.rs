@@ -15,6 +15,8 @@ use std::collections::HashMap;
 
 /// Coordinates beyond this are refused: their fourth powers, which areas and distances multiply to, would overflow.
 const FARTHEST_M: f64 = 1e9;
+/// The most bytes of attributes and morph targets that all primitives may have together.
+const MAX_CLAIMED_BYTES: usize = 8 << 30;
 /// The scene gets an origin of its own when it stands further from the file's than this many times its size.
 const FAR_IN_SIZES: f64 = 64.0;
 
@@ -88,7 +90,8 @@ fn collect(document: &Document, hierarchy: &Hierarchy, warnings: &mut Vec<Warnin
     let json = &document.json;
     // Only looked up, never walked: its order does not matter.
     let mut known: HashMap<(usize, usize), Option<usize>> = HashMap::new();
-    let (mut uses, mut geometries, mut claimed) = (Vec::new(), 0, 0_usize);
+    let (mut uses, mut geometries) = (Vec::new(), 0);
+    let (mut vertices, mut bytes) = (0_usize, 0_usize);
     for node in (0..hierarchy.world_from_node.len()).filter(|&n| hierarchy.world_from_node[n].is_some()) {
         let part = Part::item(json, NODES, node)?;
         let Some(mesh_part) = part.follow(json, "mesh", MESHES)? else { continue };
@@ -99,14 +102,19 @@ fn collect(document: &Document, hierarchy: &Hierarchy, warnings: &mut Vec<Warnin
             let geometry = match known.get(&(mesh, primitive)) {
                 Some(known) => *known,
                 None => {
-                    let vertices = drawable(document, &mesh_part, primitive, warnings)?;
-                    let geometry = vertices.map(|vertices| {
-                        claimed = claimed.saturating_add(vertices);
+                    let geometry = drawable(document, &mesh_part, primitive, warnings)?.map(|claim| {
+                        vertices = vertices.saturating_add(claim.vertices);
+                        bytes = bytes.saturating_add(claim.bytes);
                         geometries += 1;
                         geometries - 1
                     });
-                    if claimed > super::MAX_VERTICES {
-                        return Err(too_many(&mesh_part, claimed));
+                    if vertices > super::MAX_VERTICES {
+                        return Err(too_many(&mesh_part, vertices));
+                    }
+                    if bytes > MAX_CLAIMED_BYTES {
+                        let what =
+                            "the meshes up to this one claim more than 8 GiB: split the scene".to_owned();
+                        return Err(Error::TooLarge { what, at: mesh_part.at() });
                     }
                     known.insert((mesh, primitive), geometry);
                     geometry
@@ -118,13 +126,19 @@ fn collect(document: &Document, hierarchy: &Hierarchy, warnings: &mut Vec<Warnin
     Ok(uses)
 }
 
-/// The vertices a primitive claims; `None` when it has no surface.
+/// What reading a primitive takes.
+struct Claim {
+    vertices: usize,
+    bytes: usize,
+}
+
+/// What a primitive claims; `None` when it has no surface.
 fn drawable(
     document: &Document,
     mesh: &Part,
     primitive: usize,
     warnings: &mut Vec<Warning>,
-) -> Result<Option<usize>> {
+) -> Result<Option<Claim>> {
     let part = mesh.nth("primitives", "primitive", primitive)?;
     let skipped = if Topology::of(&part)? == Topology::Thin {
         Some("it holds points or lines, which take no light; it stays in the file as it is")
@@ -139,8 +153,8 @@ fn drawable(
         warnings.push(Warning::new(part.at(), what));
         return Ok(None);
     }
-    let accessor = attributes.follow(&document.json, "POSITION", ACCESSORS)?;
-    accessor.map(|accessor| accessor.required_index("count")).transpose()
+    let Some(accessor) = attributes.follow(&document.json, "POSITION", ACCESSORS)? else { return Ok(None) };
+    Ok(Some(Claim { vertices: accessor.required_index("count")?, bytes: document.claimed_bytes(&part)? }))
 }
 
 fn plan(
@@ -174,7 +188,7 @@ fn plan(
         let transforms = instances::expand(document, &node)?;
         let copies = transforms.as_ref().map_or(1, Vec::len);
         let placed = shape.geometry.position_local.len().max(shape.geometry.triangles.len());
-        vertices = vertices.saturating_add(placed.saturating_mul(copies));
+        vertices = vertices.saturating_add(placed.max(1).saturating_mul(copies));
         if vertices > super::MAX_VERTICES {
             return Err(too_many(&node, vertices));
         }
