@@ -59,8 +59,8 @@ pub(super) fn components(parts: &[Part], prove: bool) -> Vec<Component> {
     let (root, faults) = connect(&rows);
     let mut index = vec![u32::MAX; rows.len()];
     let mut groups: Vec<(Skin, Vec<usize>)> = Vec::new();
-    for row in 0..rows.len() {
-        let r = root[row] as usize;
+    for (row, &r) in root.iter().enumerate() {
+        let r = r as usize;
         if index[r] == u32::MAX {
             index[r] = groups.len() as u32;
             groups.push((faults[r], Vec::new()));
