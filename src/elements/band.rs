@@ -3,17 +3,15 @@
 use super::charts::{ChartPlan, Mapped};
 use super::clip::cut;
 use super::footprint::Footprints;
-use super::spot::{Spot, spot};
-use super::texel::{Footprint, Piece, Place};
-use super::validity::{Judge, Verdict};
-use super::{Elements, TexelRef};
+use super::place::{Counts, Draft};
+use super::spot::spot;
+use super::texel::{Footprint, Piece};
+use super::validity::Judge;
+use super::{Elements, NO_ELEMENT, TexelRef};
 use crate::transport::Tracer;
 use crate::units::Area;
 use glam::DVec2;
 use std::ops::Range;
-
-/// Rows are handled in blocks of this many texels a side; bands begin at multiples of it.
-pub(super) const BLOCK: usize = 8;
 
 /// Some rows of a chart.
 #[derive(Clone)]
@@ -28,22 +26,10 @@ pub(super) struct Band {
     pub list: Option<usize>,
 }
 
-/// What [`Work::run`] found besides the elements.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Counts {
-    pub moved: u32,
-    pub invalid: u32,
-}
-
 /// What every band is rasterised with.
 pub(super) struct Work<'a, T> {
     pub judge: Judge<'a, T>,
     pub footprints: Footprints<'a>,
-}
-
-/// What may be tried in place of a texel's sample.
-struct Candidates {
-    pieces: Range<usize>,
 }
 
 impl<T: Tracer> Work<'_, T> {
@@ -57,37 +43,41 @@ impl<T: Tracer> Work<'_, T> {
     ) -> Counts {
         let width = band.columns.len();
         let (pieces, start) = pieces(chart, triangles, band);
-        let mut index = vec![super::NO_ELEMENT; start.len() - 1];
-        let first = out.len();
-        let mut spots: Vec<Spot> = Vec::new();
-        let mut candidates: Vec<Candidates> = Vec::new();
+        let (first, probe) = (out.len(), self.judge.probe());
+        let mut draft = Draft {
+            chart: *chart,
+            width,
+            index: vec![NO_ELEMENT; start.len() - 1],
+            texels: Vec::new(),
+            spots: Vec::new(),
+            valid: Vec::new(),
+        };
         for texel in 0..start.len() - 1 {
-            let range = start[texel] as usize..start[texel + 1] as usize;
-            if range.is_empty() {
+            let pieces = &pieces[start[texel] as usize..start[texel + 1] as usize];
+            if pieces.is_empty() {
                 continue;
             }
-            let (x, y) =
-                (band.columns.start + (texel % width) as i32, band.rows.start + (texel / width) as i32);
-            let mapped: Vec<Mapped> =
-                pieces[range.clone()].iter().map(|p| chart.mapped(p.triangle)).collect();
-            let footprint =
-                Footprint { corner: corner(x, y), pieces: &pieces[range.clone()], mapped: &mapped };
+            let x = band.columns.start + (texel % width) as i32;
+            let y = band.rows.start + (texel / width) as i32;
+            let mapped: Vec<Mapped> = pieces.iter().map(|p| chart.mapped(p.triangle)).collect();
+            let footprint = Footprint { corner: corner(x, y), pieces, mapped: &mapped };
             let means = self.footprints.means(chart, &footprint);
-            index[texel] = spots.len() as u32;
             if means.emission.0.max_element() > 0.0 {
-                out.emission.push(((first + spots.len()) as u32, means.emission));
+                out.emission.push(((first + draft.spots.len()) as u32, means.emission));
             }
-            spots.push(self.spot(chart, &footprint, &footprint.place()));
-            candidates.push(Candidates { pieces: range });
+            draft.index[texel] = draft.spots.len() as u32;
+            draft.spots.push(spot(chart, &footprint, &footprint.place(), &probe));
+            draft.texels.push((footprint.corner, pieces));
             out.area.push(Area(footprint.area() as f32));
             out.reflectance.push(means.reflectance);
             out.texel.push(TexelRef { page: chart.placement.page, x: x as u16, y: y as u16 });
             out.chart.push(band.chart);
         }
-        out.valid.resize(first + spots.len(), true);
-        let counts =
-            self.place_among_others(chart, band, &pieces, &index, &candidates, &mut spots, out, first);
-        for spot in &spots {
+        draft.valid = vec![true; draft.spots.len()];
+        let mut counts = self.judge.place(&probe, &mut draft);
+        counts.rays = probe.rays();
+        out.valid.append(&mut draft.valid);
+        for spot in &draft.spots {
             out.position_world.push(spot.position);
             out.normal_geometric.push(spot.normal_geometric);
             out.normal_shading.push(spot.normal_shading);
@@ -96,99 +86,6 @@ impl<T: Tracer> Work<'_, T> {
             out.half_v_world.push(spot.per_texel[1] * spot.reach);
         }
         counts
-    }
-
-    fn spot(&self, chart: &ChartPlan, footprint: &Footprint, place: &Place) -> Spot {
-        let triangle = footprint.pieces[place.piece].triangle;
-        spot(chart, &footprint.mapped[place.piece], triangle, place, self.judge.tracer)
-    }
-
-    /// Moves samples out of other geometry, block by block: where nothing else is near, one sample speaks for all.
-    #[allow(clippy::too_many_arguments)]
-    fn place_among_others(
-        &self,
-        chart: &ChartPlan,
-        band: &Band,
-        pieces: &[Piece],
-        index: &[u32],
-        candidates: &[Candidates],
-        spots: &mut [Spot],
-        out: &mut Elements,
-        first: usize,
-    ) -> Counts {
-        let (width, height) = (band.columns.len(), band.rows.len());
-        let mut counts = Counts::default();
-        let mut members: Vec<usize> = Vec::with_capacity(BLOCK * BLOCK);
-        for top in (0..height).step_by(BLOCK) {
-            for left in (0..width).step_by(BLOCK) {
-                members.clear();
-                for y in top..(top + BLOCK).min(height) {
-                    let row = &index[y * width..][left..(left + BLOCK).min(width)];
-                    members.extend(row.iter().filter(|&&i| i != super::NO_ELEMENT).map(|&i| i as usize));
-                }
-                let Some(&some) = members.first() else { continue };
-                if !self.judge.others_near(chart, members.iter().map(|&i| spots[i])) {
-                    if self.judge.buried(&spots[some]).is_some() {
-                        counts.invalid += members.len() as u32;
-                        members.iter().for_each(|&i| out.valid[first + i] = false);
-                    }
-                    continue;
-                }
-                for &i in &members {
-                    let verdict = self.judge.judge(&spots[i]);
-                    if verdict == Verdict::Free {
-                        continue;
-                    }
-                    let texel = out.texel[first + i];
-                    let pieces = &pieces[candidates[i].pieces.clone()];
-                    let corner = corner(texel.x.into(), texel.y.into());
-                    match self.elsewhere(chart, corner, pieces, &spots[i], verdict) {
-                        Some(better) => {
-                            spots[i] = better;
-                            counts.moved += 1;
-                        }
-                        None if matches!(verdict, Verdict::Buried { .. }) => {
-                            out.valid[first + i] = false;
-                            counts.invalid += 1;
-                        }
-                        None => {}
-                    }
-                }
-            }
-        }
-        counts
-    }
-
-    /// The nearest other point of the texel that is better off.
-    fn elsewhere(
-        &self,
-        chart: &ChartPlan,
-        corner: DVec2,
-        pieces: &[Piece],
-        spot: &Spot,
-        verdict: Verdict,
-    ) -> Option<Spot> {
-        if let Verdict::Buried { clearance_m } = verdict {
-            // A wall runs through the texel only if one is nearer than the texel's corners; the low rays see it at
-            // most 1/cos 45° farther away than it is.
-            let [u, v] = spot.per_texel;
-            if clearance_m > 1.5 * (u.length() + v.length()) {
-                return None;
-            }
-        }
-        let mapped: Vec<Mapped> = pieces.iter().map(|p| chart.mapped(p.triangle)).collect();
-        let footprint = Footprint { corner, pieces, mapped: &mapped };
-        let mut crowded = None;
-        for place in footprint.others() {
-            let other = self.spot(chart, &footprint, &place);
-            match self.judge.judge(&other) {
-                Verdict::Free => return Some(other),
-                Verdict::Crowded => crowded = crowded.or(Some(other)),
-                Verdict::Buried { .. } => {}
-            }
-        }
-        // Crowded everywhere: better beside something than inside it, and where it was rather than elsewhere.
-        crowded.filter(|_| matches!(verdict, Verdict::Buried { .. }))
     }
 }
 

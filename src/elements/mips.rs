@@ -43,7 +43,7 @@ impl<'a> Mips<'a> {
     pub(super) fn sample(&self, uv: Vec2, spacing: f32) -> Vec4 {
         // Neighbouring samples of a level may be two of its texels apart: bilinear lookups then still meet.
         let level = (spacing * 0.5).log2().ceil();
-        if !(level > 0.0) || self.smaller.is_empty() {
+        if level <= 0.0 || level.is_nan() || self.smaller.is_empty() {
             return self.texture.sample(uv);
         }
         let index = (level as usize).saturating_sub(FIRST_LEVEL as usize).min(self.smaller.len() - 1);
@@ -79,8 +79,9 @@ mod tests {
     use crate::scene::Wrap;
 
     fn checker(size: u32) -> Texture {
-        let pixel =
-            |i: u32| if (i % size + i / size) % 2 == 0 { Vec4::ONE } else { Vec4::new(0.0, 0.0, 0.0, 0.0) };
+        let pixel = |i: u32| {
+            if (i % size + i / size).is_multiple_of(2) { Vec4::ONE } else { Vec4::new(0.0, 0.0, 0.0, 0.0) }
+        };
         let pixels = Pixels::Float((0..size * size).map(pixel).collect());
         Texture::new("checker".into(), [size; 2], pixels, [Wrap::Repeat; 2], Filter::Nearest).unwrap()
     }

@@ -10,6 +10,8 @@ mod merge;
 mod mips;
 mod near;
 mod patches;
+mod place;
+mod probe;
 mod rasterise;
 mod spot;
 mod texel;
@@ -21,9 +23,8 @@ mod validity;
 
 pub use lookup::{Lookup, Weights};
 pub use patches::{NO_PATCH, Patches, patches};
-pub use rasterise::rasterise;
+pub use rasterise::{Noticed, rasterise};
 
-use crate::error::Warning;
 use crate::units::{Area, Radiance, Reflectance};
 use glam::Vec3;
 use std::ops::Range;
@@ -107,10 +108,6 @@ pub struct Elements {
     pub charts: Vec<Chart>,
     /// Texel to element, one map a page.
     pub pages: Vec<PageMap>,
-    /// How many samples were moved out of or away from other geometry.
-    pub moved: u64,
-    /// Surfaces of which a large part is buried.
-    pub warnings: Vec<Warning>,
 }
 
 impl Elements {

@@ -7,14 +7,15 @@ use crate::units::Reflectance;
 use glam::{DVec3, Vec3};
 use std::ops::Range;
 
-/// No patch: elements of areas that are buried altogether.
+/// No patch: there are none, since all elements are buried.
 pub const NO_PATCH: u32 = u32::MAX;
 
 /// A partition of the valid elements.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Patches {
     /// Patch of every element. An invalid element belongs to the patch around it, so that rays which hit its texel
-    /// find one, or to [`NO_PATCH`].
+    /// find one; where all is buried to the nearest of its chart, of its surface, or any. [`NO_PATCH`] only if there
+    /// are no patches.
     pub patch_of_element: Vec<u32>,
     /// Valid elements, patch by patch; inside a patch along a Z-order curve of its chart, so that evenly spaced places
     /// in the list are evenly spread over the patch.
@@ -40,6 +41,11 @@ impl Patches {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.area.is_empty()
+    }
+
+    /// Number of valid elements of every patch.
+    pub fn size_elements(&self) -> Vec<u32> {
+        self.first.windows(2).map(|range| range[1] - range[0]).collect()
     }
 
     /// Valid elements of a patch.
@@ -97,5 +103,39 @@ fn collect(elements: &Elements, order: &[u32], cells: &[Cell], mut groups: Vec<V
         patches.position_world.push((position / area).as_vec3());
         patches.normal_world.push((normal / area).as_vec3());
     }
+    adopt_buried(elements, order, &mut patches);
     patches
+}
+
+/// Gives elements without a patch that of their neighbour along the curve, of their surface, or the first.
+fn adopt_buried(elements: &Elements, order: &[u32], patches: &mut Patches) {
+    if patches.is_empty() {
+        return;
+    }
+    let mut of_surface: Vec<Option<u32>> = Vec::new();
+    let mut orphans = Vec::new();
+    for (i, chart) in elements.charts.iter().enumerate() {
+        let surface = chart.surface as usize;
+        of_surface.resize(of_surface.len().max(surface + 1), None);
+        // Charts stand one after the other in `order`, as their elements do.
+        let members = &order[chart.elements.start as usize..chart.elements.end as usize];
+        let patch = &mut patches.patch_of_element;
+        let Some(first) = members.iter().map(|&e| patch[e as usize]).find(|&p| p != NO_PATCH) else {
+            orphans.push(i);
+            continue;
+        };
+        of_surface[surface].get_or_insert(first);
+        members.iter().fold(first, |last, &e| {
+            let own = &mut patch[e as usize];
+            if *own == NO_PATCH {
+                *own = last;
+            }
+            *own
+        });
+    }
+    for i in orphans {
+        let chart = &elements.charts[i];
+        let range = chart.elements.start as usize..chart.elements.end as usize;
+        patches.patch_of_element[range].fill(of_surface[chart.surface as usize].unwrap_or(0));
+    }
 }

@@ -1,8 +1,9 @@
 //! Charts to elements: bands of rows in parallel, put together in chart order.
 
-use super::band::{BLOCK, Band, Counts, Work};
+use super::band::{Band, Work};
 use super::charts::{ChartPlan, Grouped};
 use super::footprint::Footprints;
+use super::place::{BLOCK, Counts};
 use super::validity::Judge;
 use super::{Chart, Elements, NO_ELEMENT, PageMap};
 use crate::atlas::Atlas;
@@ -19,6 +20,19 @@ const WAVE_TASKS: usize = 64;
 /// A share of invalid elements that the artist should hear of.
 const MANY_INVALID: f32 = 0.3;
 
+/// What was noticed on the way.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Noticed {
+    /// Rays sent to find buried samples.
+    pub rays: u64,
+    /// Samples that were moved out of or away from other geometry.
+    pub moved: u64,
+    /// Elements that are buried.
+    pub invalid: u64,
+    /// Surfaces of which a large part is buried.
+    pub warnings: Vec<Warning>,
+}
+
 /// Finds every texel that a chart covers and samples the surface there.
 ///
 /// Every texel whose square a chart overlaps becomes an element; the areas of a chart's elements add up to the
@@ -33,7 +47,7 @@ pub fn rasterise<T: Tracer>(
     atlas: &Atlas,
     tracer: &T,
     progress: &mut Progress,
-) -> Result<Elements> {
+) -> Result<(Elements, Noticed)> {
     let grouped = Grouped::new(scene, atlas);
     let charts = grouped.charts(scene, atlas);
     let rectangles: Vec<_> = charts.par_iter().map(ChartPlan::rectangle).collect();
@@ -63,16 +77,23 @@ pub fn rasterise<T: Tracer>(
         for (part, found) in done {
             elements.append(part)?;
             for (surface, more) in found {
-                counts[surface as usize].moved += more.moved;
-                counts[surface as usize].invalid += more.invalid;
+                let all = &mut counts[surface as usize];
+                all.moved += more.moved;
+                all.invalid += more.invalid;
+                all.rays += more.rays;
             }
         }
     }
     number_charts(&mut elements, &charts, &rectangles);
     elements.pages = page_maps(atlas, &elements);
-    elements.moved = counts.iter().map(|c| u64::from(c.moved)).sum();
-    elements.warnings = warnings(scene, &elements, &counts);
-    Ok(elements)
+    let sum = |count: fn(&Counts) -> u64| counts.iter().map(count).sum();
+    let noticed = Noticed {
+        rays: sum(|c| c.rays),
+        moved: sum(|c| c.moved.into()),
+        invalid: sum(|c| c.invalid.into()),
+        warnings: warnings(scene, &elements, &counts),
+    };
+    Ok((elements, noticed))
 }
 
 /// Cuts charts into bands of about a task's size; for charts of several bands, also the triangles that reach each.

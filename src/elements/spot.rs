@@ -1,7 +1,8 @@
 //! A sample's point in the world: position, normals, footprint.
 
 use super::charts::{ChartPlan, Mapped};
-use super::texel::Place;
+use super::probe::Probe;
+use super::texel::{Footprint, Place};
 use crate::transport::{Tracer, segment};
 use glam::{DVec3, Vec3};
 
@@ -30,17 +31,17 @@ const SMOOTH_COSINE: f64 = 0.7;
 /// The point at `place`, on the side of the chart.
 pub(super) fn spot(
     chart: &ChartPlan,
-    mapped: &Mapped,
-    triangle: u32,
+    footprint: &Footprint,
     place: &Place,
-    tracer: &impl Tracer,
+    probe: &Probe<impl Tracer>,
 ) -> Spot {
+    let (triangle, mapped) = (footprint.pieces[place.piece].triangle, &footprint.mapped[place.piece]);
     let scene = chart.scene;
     let surface = &scene.surfaces[chart.surface as usize];
     let side = if chart.back { -1.0 } else { 1.0 };
     let normal = mapped.normal() * side;
     let point = mapped.point(place.weights);
-    let world_triangle = tracer.world().triangle_of(chart.surface, triangle);
+    let world_triangle = probe.world().triangle_of(chart.surface, triangle);
     let mut spot = Spot {
         position: point.as_vec3(),
         on_plane: point.as_vec3(),
@@ -60,8 +61,8 @@ pub(super) fn spot(
     spot.normal_shading = into_hemisphere(interpolated.normalize_or(normal).as_vec3(), spot.normal_geometric);
     if let Some(lifted) = lifted(mapped, place.weights, point, normals, normal) {
         let lifted = lifted.as_vec3();
-        let start = tracer.world().offset_origin(world_triangle, spot.position, spot.normal_geometric);
-        if !tracer.occluded(&segment(start, lifted)) {
+        let start = probe.world().offset_origin(world_triangle, spot.position, spot.normal_geometric);
+        if !probe.occluded(&segment(start, lifted)) {
             spot.position = lifted;
         }
     }

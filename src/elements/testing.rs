@@ -1,6 +1,6 @@
 //! Small scenes with texture space laid out by hand, for the tests of this stage and of later ones.
 
-use super::{Elements, rasterise};
+use super::{Elements, Noticed, rasterise};
 use crate::atlas::{Atlas, Page, Placement, Unwrap};
 use crate::progress::{Progress, Silent, Stage};
 use crate::scene::{Geometry, GeometryId, Material, MaterialId, Origin, Role, Scene, Surface};
@@ -158,6 +158,10 @@ impl Stand {
     }
 
     pub fn elements(&self) -> Elements {
+        self.noticed().0
+    }
+
+    pub fn noticed(&self) -> (Elements, Noticed) {
         let cancel = AtomicBool::new(false);
         let mut progress = Progress::begin(&Silent, &cancel, Stage::Elements, 0);
         let world = self.world();

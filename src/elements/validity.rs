@@ -8,17 +8,18 @@
 
 use super::charts::ChartPlan;
 use super::near::Near;
+use super::probe::Probe;
 use super::spot::Spot;
 use super::texel::COMFORTABLE;
 use crate::atlas::Atlas;
 use crate::scene::{Alpha, Role, Scene};
-use crate::transport::{Ray, Tracer};
+use crate::transport::{Ray, Tracer, World};
 use glam::Vec3;
 
 /// What rays need to judge a sample.
 pub(super) struct Judge<'a, T> {
-    pub tracer: &'a T,
-    pub near: Near<'a>,
+    tracer: &'a T,
+    near: Near<'a>,
     scene: &'a Scene,
     /// Per surface.
     matter: Vec<Matter>,
@@ -83,6 +84,15 @@ impl<'a, T: Tracer> Judge<'a, T> {
         Self { tracer, near: Near::new(tracer.world()), scene, matter, slanted: slanted() }
     }
 
+    /// Rays to judge with, counted.
+    pub(super) fn probe(&self) -> Probe<'a, T> {
+        Probe::new(self.tracer)
+    }
+
+    fn world(&self) -> &World {
+        self.tracer.world()
+    }
+
     /// Whether geometry other than the chart itself lies within a texel of any of the spots. Where there is none, all
     /// of them are on the same side of everything.
     pub(super) fn others_near(&self, chart: &ChartPlan, spots: impl Iterator<Item = Spot>) -> bool {
@@ -93,7 +103,7 @@ impl<'a, T: Tracer> Judge<'a, T> {
             min = min.min(spot.on_plane.min(spot.position) - reach);
             max = max.max(spot.on_plane.max(spot.position) + reach);
         }
-        let world = self.tracer.world();
+        let world = self.world();
         self.near.any(min, max, |t| {
             let own = world.surface_of(t) == chart.surface;
             !own || chart.placement.unwrap.chart_of_triangle[world.local_triangle(t) as usize] != chart.chart
@@ -101,23 +111,23 @@ impl<'a, T: Tracer> Judge<'a, T> {
     }
 
     /// Judges a sample among other geometry.
-    pub(super) fn judge(&self, spot: &Spot) -> Verdict {
-        match self.buried(spot) {
+    pub(super) fn judge(&self, probe: &Probe<T>, spot: &Spot) -> Verdict {
+        match self.buried(probe, spot) {
             Some(clearance_m) => Verdict::Buried { clearance_m },
-            None if self.crowded(spot) => Verdict::Crowded,
+            None if self.crowded(probe, spot) => Verdict::Crowded,
             None => Verdict::Free,
         }
     }
 
     /// How far the walls are when every ray finds the sample inside something.
-    pub(super) fn buried(&self, spot: &Spot) -> Option<f32> {
+    pub(super) fn buried(&self, probe: &Probe<T>, spot: &Spot) -> Option<f32> {
         let normal = spot.normal_geometric;
-        let origin = self.tracer.world().offset_origin(spot.triangle, spot.position, normal);
+        let origin = self.world().offset_origin(spot.triangle, spot.position, normal);
         let up = Ray::unbounded(origin, normal);
-        let first = self.tracer.closest(&up)?;
+        let first = probe.closest(&up)?;
         let matter = self.matter(first.triangle);
         let [u, v] = spot.per_texel;
-        let parallel = || self.tracer.world().normal(first.triangle).dot(normal).abs() > COVERS;
+        let parallel = || self.world().normal(first.triangle).dot(normal).abs() > COVERS;
         if matter != Matter::Clear && first.t < PRESSED * 0.5 * (u.length() + v.length()) && parallel() {
             return Some(0.0);
         }
@@ -133,7 +143,7 @@ impl<'a, T: Tracer> Judge<'a, T> {
         let mut clearance_m = f32::INFINITY;
         for (i, [x, y, z]) in self.slanted.into_iter().enumerate() {
             let direction = (along * x + across * y + normal * z).normalize();
-            let distance = self.inside_along(Ray::unbounded(origin, direction))?;
+            let distance = self.inside_along(probe, Ray::unbounded(origin, direction))?;
             if i < LOW {
                 clearance_m = clearance_m.min(distance);
             }
@@ -142,10 +152,10 @@ impl<'a, T: Tracer> Judge<'a, T> {
     }
 
     /// The distance to the back that says that the ray's origin is inside; `None` when the ray says it is not.
-    fn inside_along(&self, mut ray: Ray) -> Option<f32> {
+    fn inside_along(&self, probe: &Probe<T>, mut ray: Ray) -> Option<f32> {
         let (mut depth, mut travelled) = (0, 0.0);
         for _ in 0..MOST_PASSED {
-            let hit = self.tracer.closest(&ray)?;
+            let hit = probe.closest(&ray)?;
             travelled += hit.t;
             if hit.front {
                 depth -= 1;
@@ -157,7 +167,7 @@ impl<'a, T: Tracer> Judge<'a, T> {
             if depth > 0 {
                 return Some(travelled);
             }
-            let world = self.tracer.world();
+            let world = self.world();
             let normal = world.normal(hit.triangle);
             let beyond = if normal.dot(ray.direction) < 0.0 { -normal } else { normal };
             let point = self.scene.position(world.surface_point(&hit));
@@ -167,20 +177,20 @@ impl<'a, T: Tracer> Judge<'a, T> {
     }
 
     /// Whether something crosses the surface right beside the sample: rays across it, a little above.
-    fn crowded(&self, spot: &Spot) -> bool {
+    fn crowded(&self, probe: &Probe<T>, spot: &Spot) -> bool {
         // A sample at the chart's own border is already as far from it as the texel allows.
         if f64::from(spot.reach) < COMFORTABLE {
             return false;
         }
         let normal = spot.normal_geometric;
-        let origin = self.tracer.world().offset_origin(spot.triangle, spot.position, normal);
+        let origin = self.world().offset_origin(spot.triangle, spot.position, normal);
         let [u, v] = spot.per_texel;
         let above = origin + normal * ((u.length() + v.length()) / 32.0);
         let half = 0.8 * COMFORTABLE as f32;
         [u, v].into_iter().any(|axis| {
             let length = axis.length();
             length > 0.0
-                && self.tracer.occluded(&Ray {
+                && probe.occluded(&Ray {
                     origin: above - axis * half,
                     direction: axis / length,
                     t_max: 2.0 * half * length,
@@ -189,7 +199,7 @@ impl<'a, T: Tracer> Judge<'a, T> {
     }
 
     fn matter(&self, triangle: u32) -> Matter {
-        self.matter[self.tracer.world().surface_of(triangle) as usize]
+        self.matter[self.world().surface_of(triangle) as usize]
     }
 }
 

@@ -36,7 +36,7 @@ fn a_box_on_a_floor_covers_what_stands_under_it() {
         stand.add(floor(), DAffine3::IDENTITY, PLAIN);
         let (min, max) = (Vec3::new(-0.53, bottom, -0.71), Vec3::new(0.64, 1.0, 0.345));
         stand.add(Piece::closed_box(min, max, Vec2::new(110.0, 2.0), 60.0, 0.04), DAffine3::IDENTITY, PLAIN);
-        let elements = stand.elements();
+        let (elements, noticed) = stand.noticed();
         let (lo, hi) = (Vec2::new(min.x, min.z), Vec2::new(max.x, max.z));
         let (mut under, mut straddling) = (0, 0);
         for i in floor_elements(&elements) {
@@ -57,9 +57,9 @@ fn a_box_on_a_floor_covers_what_stands_under_it() {
             }
         }
         assert!(
-            under > 600 && straddling > 60 && elements.moved > 30,
+            under > 600 && straddling > 60 && noticed.moved > 30,
             "{under} {straddling} {}",
-            elements.moved
+            noticed.moved
         );
     }
 }
@@ -78,14 +78,14 @@ fn a_box_among_boxes_loses_only_the_faces_that_touch() {
     };
     let first = stand.add(unit(0.0, 2.0), DAffine3::IDENTITY, PLAIN);
     stand.add(unit(1.0, 40.0), DAffine3::IDENTITY, PLAIN);
-    let elements = stand.elements();
+    let (elements, noticed) = stand.noticed();
     for i in 0..elements.len() {
         let touching = elements.normal_geometric[i].x
             * if elements.charts[elements.chart[i] as usize].surface == first as u32 { 1.0 } else { -1.0 };
         assert_eq!(elements.valid[i], touching < 0.5, "{}", elements.position_world[i]);
     }
-    assert_eq!(elements.moved, 0);
-    assert!(elements.warnings.is_empty());
+    assert_eq!(noticed.moved, 0);
+    assert!(noticed.warnings.is_empty());
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn a_thin_wall_has_no_samples_inside_and_none_on_it() {
         0.1,
     );
     stand.add(wall, DAffine3::IDENTITY, PLAIN);
-    let elements = stand.elements();
+    let (elements, noticed) = stand.noticed();
     let mut beside = 0;
     for i in floor_elements(&elements) {
         let x = elements.position_world[i].x;
@@ -109,7 +109,7 @@ fn a_thin_wall_has_no_samples_inside_and_none_on_it() {
         beside += usize::from((0.0..0.04).contains(&x));
     }
     assert_eq!(beside, 100);
-    assert_eq!(elements.moved, 100);
+    assert_eq!(noticed.moved, 100);
 }
 
 #[test]
@@ -235,10 +235,10 @@ fn a_surface_inside_another_is_reported() {
     stand.add(big, DAffine3::IDENTITY, PLAIN);
     let small = Piece::closed_box(Vec3::splat(-0.5), Vec3::splat(0.5), Vec2::new(2.0, 40.0), 30.0, 0.1);
     stand.add(small, DAffine3::IDENTITY, PLAIN);
-    let elements = stand.elements();
+    let (elements, noticed) = stand.noticed();
     for i in 0..elements.len() {
         assert_eq!(elements.valid[i], elements.charts[elements.chart[i] as usize].surface == 0);
     }
-    assert_eq!(elements.warnings.len(), 1);
-    assert!(elements.warnings[0].at == "s1" && elements.warnings[0].what.starts_with("100 %"));
+    assert_eq!(noticed.warnings.len(), 1);
+    assert!(noticed.warnings[0].at == "s1" && noticed.warnings[0].what.starts_with("100 %"));
 }
