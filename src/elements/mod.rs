@@ -1,6 +1,31 @@
 //! Atlas -> texel footprints on surfaces: the receivers of light.
 
-use crate::units::{Area, Reflectance};
+mod band;
+mod cells;
+mod charts;
+mod clip;
+mod footprint;
+mod lookup;
+mod merge;
+mod mips;
+mod near;
+mod patches;
+mod place;
+mod probe;
+mod rasterise;
+mod spot;
+mod texel;
+#[cfg(test)]
+pub(crate) mod testing;
+#[cfg(test)]
+mod tests;
+mod validity;
+
+pub use lookup::{Lookup, Weights};
+pub use patches::{NO_PATCH, Patches, patches};
+pub use rasterise::{Noticed, rasterise};
+
+use crate::units::{Area, Radiance, Reflectance};
 use glam::Vec3;
 use std::ops::Range;
 
@@ -19,7 +44,7 @@ pub struct TexelRef {
 }
 
 /// One chart of one placed side: its elements are consecutive.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Chart {
     /// Rows of [`Elements`], ordered by texel row, then column.
     pub elements: Range<u32>,
@@ -31,6 +56,8 @@ pub struct Chart {
     pub max: [u16; 2],
     /// Surface of the scene.
     pub surface: u32,
+    /// Which chart of the surface's unwrap.
+    pub source: u32,
     /// Whether this is the back of the surface.
     pub back: bool,
     /// Whether the page is written.
@@ -38,7 +65,7 @@ pub struct Chart {
 }
 
 /// Element of each texel of a page.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PageMap {
     /// Width and height.
     pub size_texels: u32,
@@ -47,14 +74,16 @@ pub struct PageMap {
 }
 
 /// Structure of arrays, one row per lit texel footprint.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Elements {
-    /// Sample position: the texel centre where it lies on the surface, else the middle of the covered part.
+    /// Sample position, where rays start (offset from `triangle` as [`crate::transport::World::offset_origin`] does):
+    /// the surface at the texel's centre; at a chart's border a point further inside; in contact with other geometry
+    /// the nearest free point of the footprint. On smooth surfaces lifted to the shape that their normals describe.
     /// World metres relative to the scene's origin.
     pub position_world: Vec<Vec3>,
     /// Unit normal of the plane, on the lit side.
     pub normal_geometric: Vec<Vec3>,
-    /// Unit normal that the cosine is taken with, on the lit side.
+    /// Unit normal that the cosine is taken with, on the lit side and at most 87° off the plane's.
     pub normal_shading: Vec<Vec3>,
     /// World area of the footprint inside the chart.
     pub area: Vec<Area>,
@@ -62,14 +91,17 @@ pub struct Elements {
     pub reflectance: Vec<Reflectance>,
     /// Triangle of the world ([`crate::transport::World`]) under the sample.
     pub triangle: Vec<u32>,
-    /// Half the footprint's extent along u: world metres per half texel.
+    /// Half the footprint's extent along u, metres: half a texel, less where the square around the sample would
+    /// leave the chart (0 on slivers).
     pub half_u_world: Vec<Vec3>,
-    /// Half the footprint's extent along v (down).
+    /// Half the footprint's extent along v (down), metres.
     pub half_v_world: Vec<Vec3>,
     /// Texture space.
     pub texel: Vec<TexelRef>,
     /// False where the sample is buried in or pressed against other geometry.
     pub valid: Vec<bool>,
+    /// Mean emitted radiance of the elements that emit, ascending by element.
+    pub emission: Vec<(u32, Radiance)>,
     /// Chart of each element.
     pub chart: Vec<u32>,
     /// All charts.

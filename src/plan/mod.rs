@@ -1,5 +1,9 @@
 //! Scene + options -> which sides of which surfaces take part, and why.
 
+mod sides;
+
+pub use sides::{BackEvidence, SidesFound, sides, sides_with_evidence};
+
 /// What one side of a surface does in the solution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]

@@ -69,6 +69,11 @@ impl Texture {
         self.size
     }
 
+    /// How coordinates outside `[0, 1]` are read, along u and v.
+    pub fn wrap(&self) -> [Wrap; 2] {
+        self.wrap
+    }
+
     /// The linear value of one texel.
     pub fn texel(&self, x: u32, y: u32) -> Vec4 {
         let i = y as usize * self.size[0] as usize + x as usize;

@@ -1,0 +1,141 @@
+//! Elements grouped into patches, which carry interreflected light in the coarse solution.
+
+use super::Elements;
+use super::cells::{Cell, cells};
+use super::merge::merge;
+use crate::units::Reflectance;
+use glam::{DVec3, Vec3};
+use std::ops::Range;
+
+/// No patch: there are none, since all elements are buried.
+pub const NO_PATCH: u32 = u32::MAX;
+
+/// A partition of the valid elements.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Patches {
+    /// Patch of every element. An invalid element belongs to the patch around it, so that rays which hit its texel
+    /// find one; where all is buried to the nearest of its chart, of its surface, or any. [`NO_PATCH`] only if there
+    /// are no patches.
+    pub patch_of_element: Vec<u32>,
+    /// Valid elements, patch by patch; inside a patch along a Z-order curve of its chart, so that evenly spaced places
+    /// in the list are evenly spread over the patch.
+    pub elements: Vec<u32>,
+    /// Where every patch begins in `elements`; one more than there are patches.
+    pub first: Vec<u32>,
+    /// Area of the valid elements, m².
+    pub area: Vec<f64>,
+    /// Mean reflectance by area.
+    pub reflectance: Vec<Reflectance>,
+    /// Mean position by area, world metres relative to the scene's origin.
+    pub position_world: Vec<Vec3>,
+    /// Mean geometric normal by area; shorter than 1 on curved patches.
+    pub normal_world: Vec<Vec3>,
+}
+
+impl Patches {
+    /// Number of patches.
+    pub fn len(&self) -> usize {
+        self.area.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.area.is_empty()
+    }
+
+    /// Number of valid elements of every patch.
+    pub fn size_elements(&self) -> Vec<u32> {
+        self.first.windows(2).map(|range| range[1] - range[0]).collect()
+    }
+
+    /// Valid elements of a patch.
+    pub fn elements_of(&self, patch: u32) -> &[u32] {
+        &self.elements[self.range_of(patch)]
+    }
+
+    /// Where the elements of a patch stand in [`Self::elements`].
+    pub fn range_of(&self, patch: u32) -> Range<usize> {
+        self.first[patch as usize] as usize..self.first[patch as usize + 1] as usize
+    }
+}
+
+/// Cuts every chart into square blocks of comparable area, about `wanted` in all; curved charts more finely. Where
+/// there are more charts than patches, small neighbouring ones share a patch: of one surface and direction first, of
+/// any surface where that does not suffice. Never more than 2 × `wanted` + 1; ordered by their first element.
+pub fn patches(elements: &Elements, wanted: u32) -> Patches {
+    let wanted = wanted.max(1);
+    let (order, cells, target) = cells(elements, wanted);
+    let groups = merge(elements, &order, &cells, target, wanted);
+    collect(elements, &order, &cells, groups)
+}
+
+/// Numbers the groups of cells by their lowest element and gathers what is known of each.
+fn collect(elements: &Elements, order: &[u32], cells: &[Cell], mut groups: Vec<Vec<u32>>) -> Patches {
+    let lowest = |group: &Vec<u32>| {
+        let members = group.iter().flat_map(|&c| &order[cells[c as usize].range.clone()]);
+        members.copied().min().unwrap_or(u32::MAX)
+    };
+    groups.sort_by_cached_key(lowest);
+    let mut patches = Patches {
+        patch_of_element: vec![NO_PATCH; elements.len()],
+        elements: Vec::with_capacity(elements.len()),
+        first: vec![0],
+        ..Patches::default()
+    };
+    for (patch, group) in (0..).zip(groups) {
+        let (mut area, mut color, mut position, mut normal) = (0.0, DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        for &e in group.iter().flat_map(|&c| &order[cells[c as usize].range.clone()]) {
+            let i = e as usize;
+            patches.patch_of_element[i] = patch;
+            if !elements.valid[i] {
+                continue;
+            }
+            patches.elements.push(e);
+            let a = f64::from(elements.area[i].0);
+            area += a;
+            color += elements.reflectance[i].0.as_dvec3() * a;
+            position += elements.position_world[i].as_dvec3() * a;
+            normal += elements.normal_geometric[i].as_dvec3() * a;
+        }
+        patches.first.push(patches.elements.len() as u32);
+        patches.area.push(area);
+        patches.reflectance.push(Reflectance::clamped((color / area).as_vec3()));
+        patches.position_world.push((position / area).as_vec3());
+        patches.normal_world.push((normal / area).as_vec3());
+    }
+    adopt_buried(elements, order, &mut patches);
+    patches
+}
+
+/// Gives elements without a patch that of their neighbour along the curve, of their surface, or the first.
+fn adopt_buried(elements: &Elements, order: &[u32], patches: &mut Patches) {
+    if patches.is_empty() {
+        return;
+    }
+    let mut of_surface: Vec<Option<u32>> = Vec::new();
+    let mut orphans = Vec::new();
+    for (i, chart) in elements.charts.iter().enumerate() {
+        let surface = chart.surface as usize;
+        of_surface.resize(of_surface.len().max(surface + 1), None);
+        // Charts stand one after the other in `order`, as their elements do.
+        let members = &order[chart.elements.start as usize..chart.elements.end as usize];
+        let patch = &mut patches.patch_of_element;
+        let Some(first) = members.iter().map(|&e| patch[e as usize]).find(|&p| p != NO_PATCH) else {
+            orphans.push(i);
+            continue;
+        };
+        of_surface[surface].get_or_insert(first);
+        members.iter().fold(first, |last, &e| {
+            let own = &mut patch[e as usize];
+            if *own == NO_PATCH {
+                *own = last;
+            }
+            *own
+        });
+    }
+    for i in orphans {
+        let chart = &elements.charts[i];
+        let range = chart.elements.start as usize..chart.elements.end as usize;
+        patches.patch_of_element[range].fill(of_surface[chart.surface as usize].unwrap_or(0));
+    }
+}

@@ -1,0 +1,105 @@
+//! Samples moved out of other geometry, block by block.
+
+use super::NO_ELEMENT;
+use super::charts::{ChartPlan, Mapped};
+use super::probe::Probe;
+use super::spot::{Spot, spot};
+use super::texel::{Footprint, Piece};
+use super::validity::{Judge, Verdict};
+use crate::transport::Tracer;
+use glam::DVec2;
+
+/// Texels of a side of the blocks that are asked together whether anything is near; bands begin at multiples of it.
+pub(super) const BLOCK: usize = 8;
+
+/// The elements of a band before they are final.
+pub(super) struct Draft<'a> {
+    pub chart: ChartPlan<'a>,
+    /// Texels of a row.
+    pub width: usize,
+    /// Row by row: the element of every texel.
+    pub index: Vec<u32>,
+    /// Per element: the texel's top left corner and its pieces.
+    pub texels: Vec<(DVec2, &'a [Piece])>,
+    pub spots: Vec<Spot>,
+    pub valid: Vec<bool>,
+}
+
+/// What was found out about the elements of a band.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Counts {
+    pub moved: u32,
+    pub invalid: u32,
+    pub rays: u64,
+}
+
+impl<T: Tracer> Judge<'_, T> {
+    /// Moves or gives up samples that other geometry covers. Where nothing else is near a block of texels, one sample
+    /// speaks for all.
+    pub(super) fn place(&self, probe: &Probe<T>, draft: &mut Draft) -> Counts {
+        let (width, height) = (draft.width, draft.index.len() / draft.width);
+        let mut counts = Counts::default();
+        let mut members: Vec<usize> = Vec::with_capacity(BLOCK * BLOCK);
+        for top in (0..height).step_by(BLOCK) {
+            for left in (0..width).step_by(BLOCK) {
+                members.clear();
+                for y in top..(top + BLOCK).min(height) {
+                    let row = &draft.index[y * width..][left..(left + BLOCK).min(width)];
+                    members.extend(row.iter().filter(|&&i| i != NO_ELEMENT).map(|&i| i as usize));
+                }
+                let Some(&some) = members.first() else { continue };
+                if self.others_near(&draft.chart, members.iter().map(|&i| draft.spots[i])) {
+                    members.iter().for_each(|&i| self.place_one(probe, draft, i, &mut counts));
+                } else if self.buried(probe, &draft.spots[some]).is_some() {
+                    counts.invalid += members.len() as u32;
+                    members.iter().for_each(|&i| draft.valid[i] = false);
+                }
+            }
+        }
+        counts
+    }
+
+    fn place_one(&self, probe: &Probe<T>, draft: &mut Draft, i: usize, counts: &mut Counts) {
+        let verdict = self.judge(probe, &draft.spots[i]);
+        if verdict == Verdict::Free {
+            return;
+        }
+        match self.elsewhere(probe, draft, i, verdict) {
+            Some(better) => {
+                draft.spots[i] = better;
+                counts.moved += 1;
+            }
+            None if verdict == Verdict::Crowded => {}
+            None => {
+                draft.valid[i] = false;
+                counts.invalid += 1;
+            }
+        }
+    }
+
+    /// The nearest other point of the texel that is better off.
+    fn elsewhere(&self, probe: &Probe<T>, draft: &Draft, i: usize, verdict: Verdict) -> Option<Spot> {
+        if let Verdict::Buried { clearance_m } = verdict {
+            // A wall runs through the texel only if one is nearer than the texel's corners; the low rays see it at
+            // most 1/cos 45° farther away than it is.
+            let [u, v] = draft.spots[i].per_texel;
+            if clearance_m > 1.5 * (u.length() + v.length()) {
+                return None;
+            }
+        }
+        let (corner, pieces) = draft.texels[i];
+        let mapped: Vec<Mapped> = pieces.iter().map(|p| draft.chart.mapped(p.triangle)).collect();
+        let footprint = Footprint { corner, pieces, mapped: &mapped };
+        let mut crowded = None;
+        for place in footprint.others() {
+            let other = spot(&draft.chart, &footprint, &place, probe);
+            match self.judge(probe, &other) {
+                Verdict::Free => return Some(other),
+                Verdict::Crowded => crowded = crowded.or(Some(other)),
+                Verdict::Buried { .. } => {}
+            }
+        }
+        // Crowded everywhere: better beside something than inside it, and where it was rather than elsewhere.
+        crowded.filter(|_| verdict != Verdict::Crowded)
+    }
+}

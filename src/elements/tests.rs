@@ -1,0 +1,5 @@
+//! What rasterisation promises, on small scenes.
+
+mod among_others;
+mod footprints;
+mod groups;
