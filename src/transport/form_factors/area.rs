@@ -5,6 +5,7 @@
 //! the other, Stokes' theorem on both sides ([`super::contour`]), which turns the singularity into an integrable
 //! logarithm along the edges.
 
+use super::Row;
 use super::contour::contour_factor;
 use super::polygon::point_to_polygon;
 use glam::DVec3;
@@ -80,26 +81,64 @@ pub fn polygon_to_polygon(from: &Polygon, to: &Polygon, tolerance: f64) -> AreaF
     if seen_from.len() < 3 || seen_to.len() < 3 {
         return AreaFactor::default();
     }
-    // Far from its polygon the point factor is a rule itself, good to 1e-6 where it counts.
-    let inner = if distance_in_sizes(&seen_from, &seen_to) > 16.0 { 1e-6 } else { 0.0 };
+    // By reciprocity either may be integrated over: the smaller one is the easier.
+    let from_side = Side { corners: &seen_from, normal: from.normal, extent: extent(&seen_from) };
+    let to_side = Side { corners: &seen_to, normal: to.normal, extent: extent(&seen_to) };
+    let smaller_first =
+        if from_side.extent <= to_side.extent { (&from_side, &to_side) } else { (&to_side, &from_side) };
     let mut best = AreaFactor { factor: 0.0, error: f64::INFINITY };
-    let mut coarser = gauss_factor(&seen_from, from.normal, &seen_to, &GAUSS_2) / from.area;
-    for rule in [&GAUSS_4[..], &GAUSS_8[..]] {
-        let factor = gauss_factor(&seen_from, from.normal, &seen_to, rule) / from.area;
-        best = AreaFactor { factor, error: (factor - coarser).abs() + inner * factor };
-        if best.error <= tolerance * factor {
+    if separation(&from_side, &to_side) > SMOOTH_SEPARATION * smaller_first.0.extent {
+        best = by_gauss(smaller_first.0, smaller_first.1, from.area, tolerance);
+        if best.error <= tolerance * best.factor {
             return best;
         }
-        coarser = factor;
     }
     let contour = contour_factor(&seen_from, &seen_to, from.area, tolerance);
     if contour.error < best.error { contour } else { best }
 }
 
-/// Distance between the first corners over the extent of both.
-fn distance_in_sizes(a: &[DVec3], b: &[DVec3]) -> f64 {
-    let extent = |corners: &[DVec3]| corners.iter().map(|c| c.distance(corners[0])).fold(0.0, f64::max);
-    a[0].distance(b[0]) / (extent(a) + extent(b))
+/// The point factor varies over lengths of about the distance to the other polygon. Nearer than this share of its own
+/// extent a polygon is not integrated by Gauss rules: they would agree with each other on what they all step over.
+const SMOOTH_SEPARATION: f64 = 0.5;
+
+/// The part of a polygon that the other one sees.
+struct Side<'a> {
+    corners: &'a [DVec3],
+    normal: DVec3,
+    extent: f64,
+}
+
+fn extent(corners: &[DVec3]) -> f64 {
+    corners.iter().map(|corner| corner.distance(corners[0])).fold(0.0, f64::max)
+}
+
+/// A lower bound on the distance between two polygons: between spheres about them, or from one's plane.
+fn separation(a: &Side, b: &Side) -> f64 {
+    let height = |over: &Side, corners: &[DVec3]| {
+        let height = |corner: &DVec3| (*corner - over.corners[0]).dot(over.normal);
+        corners.iter().map(height).fold(f64::INFINITY, f64::min)
+    };
+    let apart = a.corners[0].distance(b.corners[0]) - a.extent - b.extent;
+    apart.max(height(a, b.corners)).max(height(b, a.corners))
+}
+
+/// Gauss rules of growing order over `outer`, the total divided by `area`.
+fn by_gauss(outer: &Side, inner: &Side, area: f64, tolerance: f64) -> AreaFactor {
+    // Far from its polygon the point factor is a rule itself, good to 1e-6 where it counts.
+    let distance = outer.corners[0].distance(inner.corners[0]) + outer.extent;
+    let point_error = if distance > 16.0 * inner.extent { 1e-6 } else { 0.0 };
+    let integrate = |rule| gauss_factor(outer.corners, outer.normal, inner.corners, rule) / area;
+    let mut coarser = integrate(&GAUSS_2[..]);
+    let mut best = AreaFactor { factor: coarser, error: f64::INFINITY };
+    for rule in [&GAUSS_4[..], &GAUSS_8[..]] {
+        let factor = integrate(rule);
+        best = AreaFactor { factor, error: (factor - coarser).abs() + point_error * factor };
+        if best.error <= tolerance * factor {
+            break;
+        }
+        coarser = factor;
+    }
+    best
 }
 
 /// Nodes and weights on `[0, 1]`.
@@ -141,4 +180,24 @@ fn gauss_factor(from: &[DVec3], normal: DVec3, to: &[DVec3], rule: &Gauss) -> f6
         second += 2;
     }
     sum
+}
+
+/// Fills `row` with the form factors of polygon `from` to all `polygons`, each to a relative `tolerance`. Right where
+/// nothing stands between any two of them: the walls of an empty convex room. What no polygon takes escapes.
+pub fn polygon_row(polygons: &[Polygon], from: usize, tolerance: f64, row: &mut Row) {
+    row.clear();
+    let mut sum = 0.0;
+    for (to, polygon) in polygons.iter().enumerate() {
+        let factor = polygon_to_polygon(&polygons[from], polygon, tolerance).factor;
+        if factor > 0.0 {
+            row.column.push(to as u32);
+            row.weight.push(factor);
+            sum += factor;
+        }
+    }
+    // Within their errors the factors of a closed room may add up to more than 1; then they are off by that share.
+    if sum > 1.0 {
+        row.weight.iter_mut().for_each(|weight| *weight /= sum);
+    }
+    row.miss = (1.0 - sum).max(0.0);
 }
