@@ -1,21 +1,21 @@
 //! The straight line, in one screen: one call a stage, plain data in, plain data out.
 
-use crate::atlas::Atlas;
-use crate::direct::{self, EmitterList};
-use crate::elements::{Elements, Lookup, Patches};
+use crate::atlas::{self, Atlas};
+use crate::direct::{self, Faint};
+use crate::elements::{self, Elements, Lookup};
 use crate::error::{Error, Result, Warning};
 use crate::export::{self, Metadata};
 use crate::gather::{self, Surroundings};
-use crate::options::{BakeOptions, LightPart};
+use crate::options::{BakeOptions, LampUnits, LightPart, Store};
 use crate::plan::{self, Plan};
 use crate::progress::{Observer, Progress, Silent, Stage};
-use crate::report::{AtlasReport, EnergyReport, LightReport, Report, StageReport};
-use crate::resolve;
+use crate::report::{self, AtlasReport, EnergyReport, LightReport, Report, StageReport};
 use crate::scene::Scene;
-use crate::solve::{self, Solution};
+use crate::solve::coarse::{Surfaces, coarse};
 use crate::transport::{Hit, Tracer, World};
 use crate::units::{Irradiance, Radiosity};
-use crate::{atlas, elements, import, with_tracer};
+use crate::{import, memory, resolve, with_tracer};
+use std::f32::consts::PI;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -76,6 +76,25 @@ impl Lit {
         self.direct[element] + self.indirect[element]
     }
 
+    fn atlas_report(&self) -> AtlasReport {
+        let exported = self.elements.charts.iter().filter(|c| c.exported);
+        let texels = exported.clone().map(|c| c.elements.len() as u64).sum();
+        let invalid = exported
+            .flat_map(|c| c.elements.clone())
+            .filter(|&e| !self.elements.valid[e as usize])
+            .count();
+        let pages = self.atlas.pages.iter().filter(|p| p.exported);
+        AtlasReport {
+            pages: pages.clone().count() as u32,
+            page_size_texels: pages.map(|p| p.size_texels).max().unwrap_or(0),
+            density_texels_per_m: self.atlas.density,
+            fill: self.atlas.fill,
+            texels,
+            elements: self.elements.len() as u64,
+            invalid_texels: invalid as u64,
+        }
+    }
+
     fn part(&self, part: LightPart) -> Vec<Irradiance> {
         match part {
             LightPart::Full => (0..self.elements.len()).map(|e| self.irradiance(e)).collect(),
@@ -87,81 +106,78 @@ impl Lit {
 
 /// Bakes a file: reads it, lights it, writes the result, tells what was done.
 pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
-    let output = export::output_path(input, &options.export)?;
+    let started = (run.clock)();
     in_pool(run.threads, || {
-        let started = (run.clock)();
         let mut log = Log::new(run);
-        let import = log.begin(Stage::Import, 1);
-        let (document, scene) = import::load(input, &options.import)?;
-        log.end(import, 0);
-
-        let lit = light_into(&scene, options, run, &mut log)?;
-
-        let resolve = log.begin(Stage::Resolve, 1);
-        let part = lit.part(options.export.light);
-        let lightmap = resolve::resolve(&scene, &lit.elements, &lit.atlas, &part, options.export.store);
-        let preview = options.export.preview.as_ref().map(|_| {
-            let all = lit.part(LightPart::Full);
-            resolve::resolve(&scene, &lit.elements, &lit.atlas, &all, Store::Radiosity).scaled(1.0 / PI)
-        });
-        log.end(resolve, 0);
-
-        let export = log.begin(Stage::Export, 1);
-        let metadata = metadata(options, &scene, &lit);
-        let written = export::write(
-            &document,
-            &scene,
-            &lit.atlas,
-            &lightmap,
-            preview.as_ref(),
-            &metadata,
-            &output,
-            &options.export,
-        )?;
-        log.end(export, 0);
-
+        let (document, scene) = log.stage(Stage::Import, 1, |_| {
+            let (document, scene) = import::load(input, &options.import)?;
+            export::check(&document, &options.export)?;
+            Ok(((document, scene), 0))
+        })?;
+        let lit = light_into(&scene, options, &mut log)?;
+        let interrupted = run.cancel.load(Ordering::Relaxed);
+        let (lightmap, radiance) = log.stage(Stage::Resolve, 1, |_| {
+            let part = lit.part(options.export.light);
+            let lightmap = resolve::resolve(&lit.elements, &lit.atlas, &part, options.export.store);
+            let radiance = options.export.preview.as_ref().map(|_| {
+                let all = lit.part(LightPart::Full);
+                resolve::resolve(&lit.elements, &lit.atlas, &all, Store::Radiosity).scaled(1.0 / PI)
+            });
+            Ok(((lightmap, radiance), 0))
+        })?;
+        let written = log.stage(Stage::Export, 1, |_| {
+            let metadata = metadata(options, &scene, &lit);
+            let radiance = radiance.as_ref();
+            let written =
+                export::write(&document, &scene, &lit.atlas, &lightmap, radiance, &metadata, &options.export)?;
+            Ok((written, 0))
+        })?;
         let warnings = [scene.warnings.clone(), lit.warnings.clone(), written.warnings].concat();
         Ok(Report {
             version: env!("CARGO_PKG_VERSION"),
             input: input.to_owned(),
-            outputs: written.files,
-            interrupted: run.cancel.load(Ordering::Relaxed),
+            outputs: written.files.into_iter().rev().collect(),
+            interrupted,
             settings: options.clone(),
             lamp_units: scene.lamp_units,
-            atlas: atlas_report(&lit),
+            seconds_total: (run.clock)() - started,
+            stages: log.stages,
+            atlas: lit.atlas_report(),
             light: lit.light,
             effects: lit.plan.effects,
             warnings: report::sorted(warnings),
-            seconds_total: (run.clock)() - started,
-            stages: log.stages,
         })
-    })
+    })?
+}
+
+fn metadata(options: &BakeOptions, scene: &Scene, lit: &Lit) -> Metadata {
+    Metadata {
+        generator: concat!("lightkiln ", env!("CARGO_PKG_VERSION")).to_owned(),
+        settings: serde_json::to_value(options).unwrap_or_default(),
+        convergence: vec![("unshot".to_owned(), lit.light.unshot_fraction)],
+        photometric: scene.lamp_units == LampUnits::Gltf,
+        scene: scene.index,
+    }
 }
 
 /// Lights a scene that is already in memory; no file is read or written.
 pub fn light(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Lit> {
     in_pool(run.threads, || {
         let mut log = Log::new(run);
-        let mut lit = light_into(scene, options, run, &mut log)?;
+        let mut lit = light_into(scene, options, &mut log)?;
         lit.stages = log.stages;
         Ok(lit)
-    })
+    })?
 }
 
-fn light_into(scene: &Scene, options: &BakeOptions, run: &Run, log: &mut Log) -> Result<Lit> {
-    let stage = log.begin(Stage::Plan, 1);
-    let plan = plan::plan(scene, options);
-    log.end(stage, 0);
-
-    let stage = log.begin(Stage::Atlas, scene.geometries.len() as u64);
-    let atlas = atlas::unwrap(scene, &plan.sides, &options.atlas, &stage)?;
-    log.end(stage, 0);
-    memory::check(scene, &atlas, options, run.memory_limit_bytes)?;
-
-    let stage = log.begin(Stage::Transport, 1);
-    let world = World::new(scene);
-    log.end(stage, 0);
-
+fn light_into(scene: &Scene, options: &BakeOptions, log: &mut Log) -> Result<Lit> {
+    let plan = log.stage(Stage::Plan, 1, |_| Ok((plan::plan(scene), 0)))?;
+    let geometries = scene.geometries.len() as u64;
+    let atlas = log.stage(Stage::Atlas, geometries, |progress| {
+        Ok((atlas::unwrap(scene, &plan.sides, &options.atlas, progress)?, 0))
+    })?;
+    memory::check(scene, &atlas, options.light.solve.patches, log.run.memory_limit_bytes)?;
+    let world = log.stage(Stage::Transport, 1, |_| Ok((World::new(scene), 0)))?;
     with_tracer!(world.tracer(scene), tracer => shine(scene, plan, atlas, tracer, options, log))
 }
 
@@ -175,34 +191,104 @@ fn shine<T: Tracer>(
     log: &mut Log,
 ) -> Result<Lit> {
     let effort = &options.light;
-    let stage = log.begin(Stage::Elements, 1);
-    let (elements, noticed) = elements::rasterise(scene, &atlas, tracer, &stage);
-    let lookup = Lookup::new(&atlas, &elements, tracer.world());
-    log.end(stage, noticed.rays);
-
-    let mut stage = log.begin(Stage::Direct, elements.len() as u64);
+    let (elements, noticed) = log.stage(Stage::Elements, 1, |progress| {
+        let (elements, noticed) = elements::rasterise(scene, &atlas, tracer, progress)?;
+        let rays = noticed.rays;
+        Ok(((elements, noticed), rays))
+    })?;
+    let count = elements.len() as u64;
     let (emitters, sky) = direct::collect(scene);
-    let direct = direct::light(&elements, &emitters, tracer, &effort.direct, &mut stage);
-    log.end(stage, direct.rays);
-
-    let stage = log.begin(Stage::Solve, u64::from(effort.solve.patches));
+    let direct = log.stage(Stage::Direct, count, |progress| {
+        let direct = direct::light(&elements, &emitters, tracer, &effort.direct, progress);
+        let rays = direct.rays;
+        Ok((direct, rays))
+    })?;
     let faint = Faint::new(&elements, &emitters, &direct);
+    let lookup = Lookup::new(scene, &atlas, tracer.world(), &elements);
     let patches = elements::patches(&elements, effort.solve.patches);
-    let coarse = solve::coarse(&elements, &lookup, &patches, &direct, faint.as_ref(), tracer, &sky, &effort.solve, &stage);
-    log.end(stage, coarse.rays);
-
-    let mut stage = log.begin(Stage::Gather, elements.len() as u64);
-    let smooth = gather::spread_over_elements(&elements, &patches.patch_of_element, &patches.size_elements(), &coarse.irradiance);
-    let radiosity: Vec<Radiosity> = (0..elements.len())
-        .map(|e| elements.reflectance[e] * (direct.irradiance[e] + smooth[e]))
-        .collect();
-    let around = Surroundings {
-        tracer,
-        radiosity: |hit: &Hit| lookup.element_at(hit).map_or(Radiosity::ZERO, |e| radiosity[e as usize]),
-        sky: &sky,
-        faint: faint.as_ref(),
+    let coarse = log.stage(Stage::Solve, u64::from(effort.solve.patches), |progress| {
+        let surfaces = Surfaces { elements: &elements, lookup: &lookup, patches: &patches, tracer };
+        let radiance = |direction| sky.radiance(direction);
+        let coarse = coarse(&surfaces, &direct, faint.as_ref(), &radiance, &effort.solve, progress)?;
+        let rays = coarse.rays;
+        Ok((coarse, rays))
+    })?;
+    let indirect = log.stage(Stage::Gather, count, |progress| {
+        let smooth = gather::spread_over_elements(&elements, &patches, &coarse.irradiance);
+        let radiosity: Vec<Radiosity> = (0..elements.len())
+            .map(|e| elements.reflectance[e] * (direct.irradiance[e] + smooth[e]))
+            .collect();
+        let around = Surroundings {
+            tracer,
+            radiosity: |hit: &Hit| lookup.element_at(hit).map_or(Radiosity::ZERO, |e| radiosity[e as usize]),
+            sky: &sky,
+            faint: faint.as_ref(),
+        };
+        let indirect = gather::gather(&elements, &direct, &smooth, &around, &effort.gather, progress);
+        let rays = indirect.rays;
+        Ok((indirect, rays))
+    })?;
+    let light = LightReport {
+        patches: patches.len() as u64,
+        shots: coarse.shots,
+        rays: log.stages.iter().map(|s| s.rays).sum(),
+        ledger: EnergyReport {
+            emitted: coarse.ledger.emitted.to_array(),
+            absorbed: coarse.ledger.absorbed.to_array(),
+            escaped: coarse.ledger.escaped.to_array(),
+            unshot: coarse.ledger.unshot.to_array(),
+        },
+        unshot_fraction: coarse.unshot_fraction,
+        estimated_error: None,
     };
-    let indirect = gather::gather(&elements, &direct, &smooth, &around, &effort.gather, &mut stage);
-    log.end(stage, indirect.rays);
-    todo!()
+    let warnings = [atlas.warnings.clone(), noticed.warnings].concat();
+    drop(lookup);
+    Ok(Lit {
+        plan,
+        atlas,
+        direct: direct.irradiance,
+        indirect: indirect.irradiance,
+        elements,
+        stages: Vec::new(),
+        light,
+        warnings,
+    })
+}
+
+/// Times the stages.
+struct Log<'a> {
+    run: &'a Run<'a>,
+    stages: Vec<StageReport>,
+}
+
+impl<'a> Log<'a> {
+    fn new(run: &'a Run<'a>) -> Self {
+        Self { run, stages: Vec::new() }
+    }
+
+    /// Runs a stage of `total` units, which returns its result and the rays it sent.
+    fn stage<R>(
+        &mut self,
+        stage: Stage,
+        total: u64,
+        work: impl FnOnce(&mut Progress) -> Result<(R, u64)>,
+    ) -> Result<R> {
+        let started = (self.run.clock)();
+        let mut progress = Progress::begin(self.run.observer, self.run.cancel, stage, total);
+        let (result, rays) = work(&mut progress)?;
+        self.stages.push(StageReport {
+            stage,
+            seconds: (self.run.clock)() - started,
+            rays,
+            peak_memory_bytes: (self.run.memory)(),
+        });
+        Ok(result)
+    }
+}
+
+/// Runs on as many threads as wanted.
+fn in_pool<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send) -> Result<R> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
+    let pool = pool.map_err(|e| Error::io("threads", std::io::Error::other(e)))?;
+    Ok(pool.install(work))
 }

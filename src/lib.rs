@@ -28,6 +28,8 @@ pub mod gather;
 pub mod resolve;
 pub mod export;
 
+pub mod bake;
+mod memory;
 pub mod report;
 
 pub use error::{Error, Result, Warning};

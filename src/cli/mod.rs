@@ -12,7 +12,6 @@ mod interrupt;
 mod job;
 mod memory;
 mod progress;
-mod shim;
 mod summary;
 mod text;
 mod values;

@@ -169,18 +169,13 @@ impl<'a> Grid<'a> {
         Patterns::phase(x.rem_euclid(3) as usize, y.rem_euclid(3) as usize)
     }
 
-    /// How far samples may stray inside the texel: `(half u, half v, lift along the normal)`. Zero where a neighbour
-    /// is missing, since the footprint may leave the surface there. On a curved surface the tangent plane dips under
-    /// its neighbours by less than half a texel times the sine of their angle: samples are lifted by that.
+    /// How far samples may stray inside the texel: `(half u, half v, lift along the normal)`. On a curved surface the
+    /// tangent plane dips under its neighbours by less than half a texel times the sine of their angle: samples are
+    /// lifted by that; on a crease they stay in the middle.
     fn footprint(&self, i: usize) -> (Vec3, Vec3, f32) {
         let normal = self.receiver[i].normal_geometric;
-        let mut straightest = 1.0_f32;
-        for n in self.neighbours(i) {
-            if self.id[n] == NO_ELEMENT {
-                return (Vec3::ZERO, Vec3::ZERO, 0.0);
-            }
-            straightest = straightest.min(normal.dot(self.receiver[n].normal_geometric));
-        }
+        let around = self.neighbours(i).into_iter().filter(|&n| self.id[n] != NO_ELEMENT);
+        let straightest = around.map(|n| normal.dot(self.receiver[n].normal_geometric)).fold(1.0, f32::min);
         if straightest < 0.85 {
             return (Vec3::ZERO, Vec3::ZERO, 0.0);
         }

@@ -1,6 +1,6 @@
 //! Patch values -> element values without steps.
 
-use crate::elements::{Chart, Elements, NO_ELEMENT};
+use crate::elements::{Chart, Elements, NO_ELEMENT, Patches};
 use crate::units::Irradiance;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -11,10 +11,12 @@ use rayon::prelude::*;
 /// by the chart keeps light from leaking across its border.
 pub fn spread_over_elements(
     elements: &Elements,
-    patch_of_element: &[u32],
-    patch_size_elements: &[u32],
+    patches: &Patches,
     value: &[Irradiance],
 ) -> Vec<Irradiance> {
+    let patch_of_element = &patches.patch_of_element;
+    // Elements outside any patch are buried; nobody looks them up.
+    let of = |patch: u32| value.get(patch as usize).copied().unwrap_or(Irradiance::ZERO);
     let mut out = vec![Irradiance::ZERO; elements.len()];
     let mut rest = out.as_mut_slice();
     let mut rows = Vec::with_capacity(elements.charts.len());
@@ -25,17 +27,18 @@ pub fn spread_over_elements(
     }
     rows.into_par_iter().for_each(|(chart, out)| {
         let first = chart.elements.start as usize;
-        let patches = &patch_of_element[first..first + out.len()];
-        if patches.iter().all(|p| *p == patches[0]) {
-            out.fill(patches.first().map_or(Irradiance::ZERO, |&p| value[p as usize]));
+        let own = &patch_of_element[first..first + out.len()];
+        if own.iter().all(|p| *p == own[0]) {
+            out.fill(own.first().map_or(Irradiance::ZERO, |&p| of(p)));
             return;
         }
-        let table = SummedArea::new(elements, chart, |e| value[patch_of_element[e as usize] as usize]);
+        let table = SummedArea::new(elements, chart, |e| of(patch_of_element[e as usize]));
         for (k, out) in out.iter_mut().enumerate() {
             let e = first + k;
             let texel = elements.texel[e];
-            let count = patch_size_elements[patch_of_element[e] as usize];
-            let half = (f64::from(count).sqrt() / 2.0).round() as i32;
+            let patch = patch_of_element[e];
+            let count = if (patch as usize) < patches.len() { patches.range_of(patch).len() } else { 1 };
+            let half = ((count as f64).sqrt() / 2.0).round() as i32;
             *out = table.mean(i32::from(texel.x), i32::from(texel.y), half);
         }
     });

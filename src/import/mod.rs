@@ -72,6 +72,7 @@ pub fn load_bytes(path: &Path, bytes: &[u8], options: &ImportOptions) -> Result<
         sky,
         origin_world: placed.origin_world,
         lamp_units,
+        index: hierarchy.scene,
         warnings,
     };
     finish(&mut scene, path)?;

@@ -1,12 +1,10 @@
 //! Which effects a scene calls for, said in the artist's words.
 
 use super::{Effect, Side, Sides};
-use crate::options::BakeOptions;
 use crate::scene::{Alpha, LampKind, Scene};
 
 /// Lists every effect with its reason.
-pub fn effects(scene: &Scene, sides: &[Sides], options: &BakeOptions) -> Vec<Effect> {
-    let _ = options;
+pub fn effects(scene: &Scene, sides: &[Sides]) -> Vec<Effect> {
     let lamps = |what: &str, kind: &dyn Fn(&LampKind) -> bool| {
         let names: Vec<&str> = scene.lamps.iter().filter(|l| kind(&l.kind)).map(|l| l.name.as_str()).collect();
         if names.is_empty() {

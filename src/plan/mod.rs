@@ -1,8 +1,11 @@
 //! Scene + options -> which sides of which surfaces take part, and why.
 
+mod effects;
 mod sides;
 
 pub use sides::{BackEvidence, SidesFound, sides, sides_with_evidence};
+
+use crate::scene::Scene;
 
 /// What one side of a surface does in the solution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -43,4 +46,11 @@ pub struct Plan {
     pub sides: Vec<Sides>,
     /// Every effect with its reason.
     pub effects: Vec<Effect>,
+}
+
+/// Decides what takes part.
+pub fn plan(scene: &Scene) -> Plan {
+    let sides = sides::sides(scene);
+    let effects = effects::effects(scene, &sides);
+    Plan { sides, effects }
 }

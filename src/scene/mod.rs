@@ -48,6 +48,8 @@ pub struct Scene {
     /// How the numbers of the file's lamps were read; never [`LampUnits::Auto`] in an imported scene. With
     /// [`LampUnits::Gltf`] all light is photometric: lm and cd where the types say W and W/sr.
     pub lamp_units: LampUnits,
+    /// Which of the file's scenes this is; `None` when it names none.
+    pub index: Option<usize>,
     /// What was dropped or approximated on the way in.
     pub warnings: Vec<Warning>,
 }

@@ -70,28 +70,25 @@ pub fn coarse<T: Tracer>(
         .collect();
     let problem = problem(surfaces, direct, &outside, rows)?;
 
-    let mut solver = Progressive::new(problem);
-    let mut shots = 0_u64;
-    let mut unshot = solver.unshot_fraction();
-    while unshot > options.tolerance && !progress.cancelled() {
+    let mut solver = Progressive::new(&problem);
+    'shooting: while !progress.cancelled() {
         for _ in 0..SHOTS_PER_LOOK {
-            if unshot <= options.tolerance {
-                break;
+            let step = solver.step();
+            if step.shooter.is_none() || step.unshot_fraction <= options.tolerance {
+                break 'shooting;
             }
-            unshot = solver.step().unshot_fraction;
-            shots += 1;
         }
-        progress.unshot(unshot);
+        progress.unshot(solver.solution().unshot_fraction);
     }
     let solution = solver.solution();
-    let irradiance = solution.irradiance.iter().zip(&outside).map(|(reflected, outside)| {
-        Irradiance(DVec3::from_array(*reflected).max(DVec3::ZERO).as_vec3()) + *outside
+    let irradiance = solution.received.iter().zip(&outside).map(|(reflected, outside)| {
+        Irradiance(reflected.max(DVec3::ZERO).as_vec3()) + *outside
     });
     Ok(Coarse {
         irradiance: irradiance.collect(),
         rays: patches.len() as u64 * u64::from(ray_count) + faint_rays,
-        shots,
-        unshot_fraction: unshot,
+        shots: solution.shots,
+        unshot_fraction: solution.unshot_fraction,
         ledger: solution.ledger,
     })
 }
@@ -155,7 +152,7 @@ fn faint_irradiance<T: Tracer>(
 /// energy is lost between the fine and the coarse: s = Σ Aρ(E_direct + E_outside) / A.
 fn problem<T>(surfaces: &Surfaces<T>, direct: &Direct, outside: &[Irradiance], rows: Rows) -> Result<Problem> {
     let Surfaces { elements, patches, .. } = surfaces;
-    let reflectance: Vec<_> = patches.reflectance.iter().map(|r| r.0.as_dvec3().to_array()).collect();
+    let reflectance: Vec<_> = patches.reflectance.iter().map(|r| r.0.as_dvec3()).collect();
     let source = (0..patches.len() as u32)
         .into_par_iter()
         .map(|patch| {
@@ -169,7 +166,7 @@ fn problem<T>(surfaces: &Surfaces<T>, direct: &Direct, outside: &[Irradiance], r
                     leaving.0.as_dvec3() * f64::from(elements.area[e].0)
                 })
                 .sum();
-            (power / patches.area[patch as usize]).to_array()
+            power / patches.area[patch as usize]
         })
         .collect();
     Problem::new(patches.area.clone(), reflectance, source, rows)

@@ -7,6 +7,7 @@
 //! [`progressive`] is the product: it shoots the power that was not yet distributed, largest first. [`matrix`] is its
 //! oracle: the same equation by the classical iterations. [`ledger`] shows that no energy is lost on the way.
 
+pub mod coarse;
 pub mod ledger;
 pub mod matrix;
 pub mod problem;
