@@ -169,7 +169,7 @@ impl<'a> Draft<'a> {
         let begin = Instant::now();
         let go_on = || !progress.cancelled() && begin.elapsed() < PATIENCE;
         match method {
-            Method::Xatlas => xatlas::charts(&[self.piece(triangles)], &go_on),
+            Method::Xatlas => xatlas::charts(&self.piece(triangles), &go_on),
             Method::Second => second::charts(&self.piece(triangles), &go_on),
             Method::Cones => Err(NoCharts::Failed),
         }

@@ -20,7 +20,7 @@ const CONE_COS: f64 = 0.642;
 /// ...and never holds one further than this (66°): projection then squeezes to no less than 0.4.
 const CONE_LIMIT_COS: f64 = 0.4;
 /// Seeding rounds of the cone charts.
-const ROUNDS: usize = 12;
+const ROUNDS: usize = 8;
 
 /// Area-weighted mean normal.
 fn mean_normal(topology: &Topology, triangles: &[u32]) -> Option<DVec3> {

@@ -73,9 +73,9 @@ const LARGEST_PAGE: u16 = 16384;
 /// Packs that the search for a density may take.
 const PACKS: usize = 9;
 /// The search ends when the density is known this well.
-const CLOSE: f64 = 1.004;
+const CLOSE: f64 = 1.01;
 /// With more charts than this one sorting order is tried, not all.
-const FEW: usize = 600;
+const FEW: usize = 100;
 
 /// Charts of one part at one density.
 struct Fitted {
