@@ -43,11 +43,16 @@ pub(super) fn span(shape: &Shape, density: f64, most: u16) -> [u16; 2] {
 }
 
 impl Cover {
+    /// A chart that takes its whole box.
+    pub fn full(span: [u16; 2]) -> Self {
+        Self { size: span.map(|texels| texels + 1), mask: None }
+    }
+
     /// What a chart touches whose box spans `span` texels. `triangles` gives its corners in the unit box.
     pub fn of(shape: &Shape, span: [u16; 2], triangles: impl Iterator<Item = [Vec2; 3]>) -> Self {
         let size = span.map(|texels| texels + 1);
         if shape.filled || size == [2, 2] {
-            return Self { size, mask: None };
+            return Self::full(span);
         }
         let stride = usize::from(size[0]).div_ceil(64);
         let mut bits = vec![0u64; stride * usize::from(size[1])];

@@ -77,6 +77,10 @@ const CLOSE: f64 = 1.01;
 /// With more charts than this one sorting order is tried, not all.
 const FEW: usize = 100;
 
+/// With more charts than this, those that span less than [`TINY`] texels are laid as full boxes.
+const CROWD: usize = 30_000;
+const TINY: u16 = 8;
+
 /// Charts of one part at one density.
 struct Fitted {
     spans: Vec<[u16; 2]>,
@@ -403,6 +407,7 @@ impl Job<'_> {
 
     fn fit_shapes(&self, shapes: &Shapes, density: f64) -> Fitted {
         let most = self.page_size - 1;
+        let crowded = self.parts.iter().map(|part| self.shapes[part.shapes].charts.len()).sum::<usize>() > CROWD;
         let wanted = |metres: f64| metres * density;
         let long = |n: usize| wanted(shapes.charts[n].size_m.max_element()) >= f64::from(most) + 0.5;
         let short = |n: usize| wanted(shapes.charts[n].size_m.min_element()) > f64::from(most / STRIP);
@@ -415,6 +420,9 @@ impl Job<'_> {
                 .into_par_iter()
                 .with_min_len(64)
                 .map(|n| {
+                    if crowded && spans[n].iter().all(|&side| side < TINY) {
+                        return Cover::full(spans[n]);
+                    }
                     let corners = |&t: &u32| woven.unwrap.triangles[t as usize].map(|i| shapes.unit_uv[i as usize]);
                     Cover::of(&shapes.charts[n], spans[n], woven.charts[n].iter().map(corners))
                 })

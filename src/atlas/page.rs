@@ -37,10 +37,13 @@ pub(super) struct Page {
     /// Reused.
     lift: Vec<i16>,
     ladder: Vec<i16>,
+    ground: Vec<i32>,
     free: Vec<u64>,
     row_free: Vec<u64>,
 }
 
+/// Full boxes up to this size are laid by the bitmap alone: the remembered searches make that cheaper.
+const SMALL: u16 = 32;
 /// Remembered hole searches.
 const HINTS: usize = 8;
 
@@ -59,6 +62,7 @@ impl Page {
             widest: vec![size as u16; size],
             lift: vec![0; size],
             ladder: vec![0; size],
+            ground: vec![0; size + 1],
             free: vec![0; stride],
             row_free: vec![0; stride],
         }
@@ -67,12 +71,16 @@ impl Page {
     /// Lays a chart down, or says that it does not fit.
     pub fn lay(&mut self, cover: &Cover) -> Option<Spot> {
         let outlines = outlines(cover);
+        let small = cover.mask.is_none() && cover.size.iter().all(|&side| side <= SMALL);
         let mut best: Option<((usize, i32, usize), Spot, &Outline)> = None;
-        for outline in &outlines {
-            if let Some((top, waste, x, y)) = self.on_skyline(outline) {
-                let key = (top, waste, x);
-                if best.as_ref().is_none_or(|(known, ..)| key < *known) {
-                    best = Some((key, Spot { x: x as u16, y: y as u16, turns: outline.turns }, outline));
+        if !small {
+            self.sum_ground();
+            for outline in &outlines {
+                if let Some((top, waste, x, y)) = self.on_skyline(outline) {
+                    let key = (top, waste, x);
+                    if best.as_ref().is_none_or(|(known, ..)| key < *known) {
+                        best = Some((key, Spot { x: x as u16, y: y as u16, turns: outline.turns }, outline));
+                    }
                 }
             }
         }
@@ -87,6 +95,15 @@ impl Page {
         let (spot, outline) = hole.or(best.map(|(_, spot, outline)| (spot, outline)))?;
         self.take(cover, spot, outline);
         Some(spot)
+    }
+
+    /// Sums of the skyline from the left, for the waste below any place.
+    fn sum_ground(&mut self) {
+        let mut sum = 0;
+        for (ground, &s) in self.ground[1..].iter_mut().zip(&self.skyline) {
+            sum += i32::from(s);
+            *ground = sum;
+        }
     }
 
     /// The lowest place on the skyline: the row after its end, the texels lost below, column and row.
@@ -113,18 +130,11 @@ impl Page {
         }
         let bottoms: i32 =
             outline.columns.as_ref().map_or(0, |columns| columns.iter().map(|&[b, _]| i32::from(b)).sum());
-        let ground = |x: usize| -> i32 { self.skyline[x..x + w].iter().map(|&s| i32::from(s)).sum() };
         let mut best = (i32::MAX, 0);
-        let mut under: i32 = ground(0);
-        for x in 0..places {
-            if x > 0 {
-                under += i32::from(self.skyline[x + w - 1]) - i32::from(self.skyline[x - 1]);
-            }
-            if self.lift[x] == lowest {
-                let waste = w as i32 * i32::from(lowest) + bottoms - under;
-                if waste < best.0 {
-                    best = (waste, x);
-                }
+        for (x, _) in lift.iter().enumerate().filter(|&(_, &y)| y == lowest) {
+            let waste = w as i32 * i32::from(lowest) + bottoms - (self.ground[x + w] - self.ground[x]);
+            if waste < best.0 {
+                best = (waste, x);
             }
         }
         Some((lowest as usize + h, best.0, best.1, lowest as usize))
