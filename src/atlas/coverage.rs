@@ -123,7 +123,8 @@ impl Mask {
 /// First and last set bit.
 fn ends(words: &[u64]) -> [i16; 2] {
     let first = words.iter().position(|&word| word != 0).map(|n| n * 64 + words[n].trailing_zeros() as usize);
-    let last = words.iter().rposition(|&word| word != 0).map(|n| n * 64 + 63 - words[n].leading_zeros() as usize);
+    let last =
+        words.iter().rposition(|&word| word != 0).map(|n| n * 64 + 63 - words[n].leading_zeros() as usize);
     first.zip(last).map_or([i16::MAX, -1], |(first, last)| [first as i16, last as i16])
 }
 

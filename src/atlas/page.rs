@@ -275,7 +275,7 @@ fn runs(taken: &[u64], size: usize, w: usize, free: &mut [u64]) -> bool {
     for (f, &t) in free.iter_mut().zip(taken) {
         *f = !t;
     }
-    if size % 64 != 0 {
+    if !size.is_multiple_of(64) {
         free[size / 64] &= u64::MAX >> (64 - size % 64);
     }
     let mut reach = 1;
@@ -312,7 +312,7 @@ fn widen(line: &[u64], x0: usize, gutter: usize, size: usize, out: &mut [u64]) {
         loop {
             let ones = (!(line[to / 64] >> (to % 64))).trailing_zeros() as usize;
             to += ones.min(64 - to % 64);
-            if to % 64 != 0 || to / 64 >= line.len() || line[to / 64] & 1 == 0 {
+            if !to.is_multiple_of(64) || to / 64 >= line.len() || line[to / 64] & 1 == 0 {
                 break;
             }
         }

@@ -98,10 +98,17 @@ fn broken_meshes_come_out_whole() {
         vec![Vec3::ZERO, Vec3::X, point(1.0, 1.0, 0.0), Vec3::Y],
         vec![[0, 1, 2], [0, 2, 3], [0, 1, 2], [0, 2, 3], [0, 2, 1], [0, 3, 2]],
     );
-    let folded: Vec<[Vec3; 3]> = square.iter().copied().chain(square.iter().map(|&[a, b, c]| [a, c, b])).collect();
+    let folded: Vec<[Vec3; 3]> =
+        square.iter().copied().chain(square.iter().map(|&[a, b, c]| [a, c, b])).collect();
     // Three leaves on one edge.
-    let leaves: Vec<[Vec3; 3]> =
-        (0..3).map(|k| [Vec3::ZERO, Vec3::Y, { let d = glam::Vec2::from_angle(2.0 * k as f32); Vec3::new(d.x, 0.0, d.y) }]).collect();
+    let leaves: Vec<[Vec3; 3]> = (0..3)
+        .map(|k| {
+            [Vec3::ZERO, Vec3::Y, {
+                let d = glam::Vec2::from_angle(2.0 * k as f32);
+                Vec3::new(d.x, 0.0, d.y)
+            }]
+        })
+        .collect();
     // A flat spiral stair seen from above, more than one turn.
     let step = |k: i32| glam::Vec2::from_angle(0.4 * k as f32).extend(0.0);
     let spiral: Vec<[Vec3; 3]> = (0..40).map(|k| [Vec3::ZERO, step(k), step(k + 1)]).collect();
@@ -195,7 +202,8 @@ fn density_follows_the_world_under_any_scale() {
         DVec3::new(-2.0, 1.0, 4.0),
     ] {
         for g in 0..2 {
-            let placed = surface(&scene, g, DAffine3::from_scale_rotation_translation(scale, turn, DVec3::ONE));
+            let placed =
+                surface(&scene, g, DAffine3::from_scale_rotation_translation(scale, turn, DVec3::ONE));
             scene.surfaces.push(placed);
         }
     }
@@ -209,8 +217,13 @@ fn density_follows_the_world_under_any_scale() {
         surfaces: scene.surfaces.iter().filter(|s| s.geometry.0 == 0).cloned().collect(),
         ..scene.clone()
     };
-    let fronts = scene.surfaces.iter().zip(&result.fronts).filter(|(s, _)| s.geometry.0 == 0).map(|(_, f)| f.clone());
-    let only = super::Atlas { fronts: fronts.collect(), backs: vec![None; boxes_only.surfaces.len()], ..result.clone() };
+    let fronts =
+        scene.surfaces.iter().zip(&result.fronts).filter(|(s, _)| s.geometry.0 == 0).map(|(_, f)| f.clone());
+    let only = super::Atlas {
+        fronts: fronts.collect(),
+        backs: vec![None; boxes_only.surfaces.len()],
+        ..result.clone()
+    };
     let measured = verify(&scene, &result, 2, 0.0);
     // A chart that bends gets the mean of the scales its parts see.
     assert!(measured.stretch[0] > 0.4 && measured.stretch[1] < 2.5 && measured.even > 0.95, "{measured:?}");
@@ -283,7 +296,11 @@ fn more_charts_than_a_page_can_hold_make_it_larger() {
     let result = atlas(&scene, Side::Dark, &page(128)).unwrap();
     assert_eq!(result.pages.len(), 1);
     assert_eq!(result.pages[0].size_texels, 256);
-    assert!(result.warnings.iter().any(|w| w.what.contains("pages of 256² are made")), "{:?}", result.warnings);
+    assert!(
+        result.warnings.iter().any(|w| w.what.contains("pages of 256² are made")),
+        "{:?}",
+        result.warnings
+    );
     verify(&scene, &result, 2, 1e9);
 }
 
@@ -306,7 +323,8 @@ fn hidden_sides_get_a_quarter_of_the_density_on_pages_of_their_own() {
 
 #[test]
 fn the_same_on_any_number_of_threads() {
-    let scene = scene(vec![ico_sphere(4, 1.0), terrain(30), boxes(50), soup(200), torus(20, 10), terrain(170)]);
+    let scene =
+        scene(vec![ico_sphere(4, 1.0), terrain(30), boxes(50), soup(200), torus(20, 10), terrain(170)]);
     let on = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         fingerprint(&pool.install(|| atlas(&scene, Side::Hidden, &page(512)).unwrap()))

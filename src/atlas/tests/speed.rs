@@ -1,5 +1,7 @@
 //! Measurements, not checks: `cargo test --release atlas::tests::speed -- --ignored --nocapture`.
 
+#![allow(clippy::print_stdout)]
+
 use super::meshes::*;
 use super::verify::scene;
 use super::{atlas, page};
@@ -33,15 +35,10 @@ fn cpu_seconds() -> f64 {
 fn time(name: &str, geometries: Vec<Geometry>) {
     let scene = scene(geometries);
     let triangles: usize = scene.geometries.iter().map(|g| g.triangles.len()).sum();
-    let mut wanted = vec![true; scene.geometries.len()];
-    wanted.fill(true);
+    let wanted = vec![true; scene.geometries.len()];
     let cancel = std::sync::atomic::AtomicBool::new(false);
-    let progress = crate::progress::Progress::begin(
-        &crate::progress::Silent,
-        &cancel,
-        crate::progress::Stage::Atlas,
-        1,
-    );
+    let progress =
+        crate::progress::Progress::begin(&crate::progress::Silent, &cancel, crate::progress::Stage::Atlas, 1);
     let begin = Instant::now();
     super::super::charting::charts(&scene.geometries, &wanted, &progress, &mut Vec::new()).unwrap();
     let charts = begin.elapsed();
@@ -75,7 +72,7 @@ fn table() {
     time("terrain 20k", vec![terrain(100)]);
     time("terrain 200k", vec![terrain(316)]);
     time("160 nodes of spheres", (0..160).map(|_| ico_sphere(2, 1.0)).collect());
-    time("300 single boxes", (0..300).map(|i| moved_box(i)).collect());
+    time("300 single boxes", (0..300).map(moved_box).collect());
 }
 
 fn moved_box(i: usize) -> Geometry {
@@ -88,7 +85,7 @@ fn moved_box(i: usize) -> Geometry {
 fn many() {
     time("soup 20k", vec![soup(20_000)]);
     time("boxes 1667", vec![boxes(1667)]);
-    time("300 single boxes", (0..300).map(|i| moved_box(i)).collect());
+    time("300 single boxes", (0..300).map(moved_box).collect());
 }
 
 #[test]
