@@ -26,6 +26,10 @@ const SECOND_SECONDS: f64 = 3e-5;
 const BUDGET_SECONDS: f64 = 6.0;
 /// The last resort: a region that takes this long is given up. Only here the result depends on the machine's speed.
 const PATIENCE: Duration = Duration::from_secs(30);
+/// xatlas and uvunwrap get pieces whose mean triangle has an area of a half. They are not asked to deal with
+/// triangles smaller than this, nor with pieces that have longer edges: f32 and their absolute tolerances fail there.
+const CRUMB_AREA: f64 = 1e-6;
+const LONG_EDGE: f32 = 3000.0;
 /// More charts per triangle than this, beyond a few, and a region was cut to shreds.
 const SHREDS: usize = 4;
 
@@ -110,10 +114,12 @@ fn flatten(drafts: &[Option<Draft>], progress: &Progress) -> Vec<Vec<Flattened>>
     let mut methods: Vec<Method> = Vec::with_capacity(jobs.len());
     for job in &jobs {
         let n = size(job);
-        let (method, cost) = match n {
-            0..=XATLAS_LIMIT => (Method::Xatlas, XATLAS_SECONDS * (n * n) as f64),
-            0..=SECOND_LIMIT => (Method::Second, SECOND_SECONDS * n as f64),
-            _ => (Method::Cones, 0.0),
+        let (method, cost) = if n <= XATLAS_LIMIT {
+            (Method::Xatlas, XATLAS_SECONDS * (n * n) as f64)
+        } else if n <= SECOND_LIMIT {
+            (Method::Second, SECOND_SECONDS * n as f64)
+        } else {
+            (Method::Cones, 0.0)
         };
         let dear = seconds + cost > BUDGET_SECONDS;
         seconds += cost;
@@ -164,21 +170,39 @@ impl<'a> Draft<'a> {
         Self { geometry, topology, charts, curved, log }
     }
 
-    fn ask(&self, method: Method, region: usize, progress: &Progress) -> std::result::Result<Vec<FlatChart>, NoCharts> {
-        let triangles = &self.curved[region];
+    fn ask(
+        &self,
+        method: Method,
+        region: usize,
+        progress: &Progress,
+    ) -> std::result::Result<Vec<FlatChart>, NoCharts> {
         let begin = Instant::now();
         let go_on = || !progress.cancelled() && begin.elapsed() < PATIENCE;
-        match method {
-            Method::Xatlas => xatlas::charts(&[self.piece(triangles)], &go_on),
-            Method::Second => second::charts(&self.piece(triangles), &go_on),
-            Method::Cones => Err(NoCharts::Failed),
+        let ask = match method {
+            Method::Xatlas => xatlas::charts,
+            Method::Second => second::charts,
+            Method::Cones => return Err(NoCharts::Failed),
+        };
+        let (piece, rows) = self.piece(&self.curved[region]);
+        let edge = |t: &[u32; 3], k: usize| {
+            piece.position[t[k] as usize].distance(piece.position[t[(k + 1) % 3] as usize])
+        };
+        if piece.triangles.iter().any(|t| (0..3).any(|k| edge(t, k) > LONG_EDGE)) {
+            return Err(NoCharts::Failed);
         }
+        let mut charts = ask(&piece, &go_on)?;
+        charts.iter_mut().flat_map(|chart| &mut chart.triangles).for_each(|t| *t = rows[*t as usize]);
+        Ok(charts)
     }
 
-    /// The region alone, moved to the origin and scaled to a mean triangle area of a half.
-    fn piece(&self, triangles: &[u32]) -> Piece {
-        let area: f64 = triangles.iter().map(|&t| self.topology.area[t as usize]).sum();
-        let scale = (0.5 * triangles.len() as f64 / area).sqrt();
+    /// The region alone, moved to the origin and scaled to a mean triangle area of a half, without its crumbs; and
+    /// which triangle of the region each of the piece is.
+    fn piece(&self, region: &[u32]) -> (Piece, Vec<u32>) {
+        let area: f64 = region.iter().map(|&t| self.topology.area[t as usize]).sum();
+        let scale = (0.5 * region.len() as f64 / area).sqrt();
+        let sound = |t: u32| self.topology.area[t as usize] * scale * scale >= CRUMB_AREA;
+        let rows: Vec<u32> = (0..region.len() as u32).filter(|&row| sound(region[row as usize])).collect();
+        let triangles: Vec<u32> = rows.iter().map(|&row| region[row as usize]).collect();
         let point = |i: u32| self.geometry.position_local[i as usize].as_dvec3();
         let mut corners: Vec<u32> =
             triangles.iter().flat_map(|&t| self.geometry.triangles[t as usize]).collect();
@@ -190,11 +214,12 @@ impl<'a> Draft<'a> {
         let middle = (low + high) * 0.5;
         let row = |i: u32| corners.partition_point(|&c| c < i) as u32;
         let normal = |i: u32| self.geometry.normal_local.get(i as usize).copied().filter(|n| n.is_finite());
-        Piece {
+        let piece = Piece {
             position: corners.iter().map(|&i| ((point(i) - middle) * scale).as_vec3()).collect(),
             normal: corners.iter().map(|&i| normal(i).unwrap_or_default()).collect(),
             triangles: triangles.iter().map(|&t| self.geometry.triangles[t as usize].map(row)).collect(),
-        }
+        };
+        (piece, rows)
     }
 
     fn finish(mut self, flattened: Vec<Flattened>) -> (Option<weave::Woven>, Vec<Warning>) {
@@ -204,7 +229,8 @@ impl<'a> Draft<'a> {
         let woven = weave::weave(self.geometry, &self.topology, self.charts);
         let mut warnings = self.log.tell(self.geometry);
         match &woven {
-            None => warnings.push(Warning::new(&self.geometry.name, "has no triangle with an area: it gets no lightmap")),
+            None => warnings
+                .push(Warning::new(&self.geometry.name, "has no triangle with an area: it gets no lightmap")),
             Some(woven) => {
                 let (charts, triangles) = (woven.charts.len(), self.geometry.triangles.len());
                 if charts > 1000 && charts * 3 > triangles {

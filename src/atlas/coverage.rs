@@ -3,6 +3,7 @@
 
 use super::shape::Shape;
 use glam::{DVec2, Vec2};
+use std::borrow::Cow;
 
 /// A lookup that gives a texel less weight than this does not count as reading it; graphics hardware rounds such
 /// weights to nothing. Keeps rounding from adding a rim to charts whose borders lie exactly on texel centres.
@@ -42,11 +43,16 @@ pub(super) fn span(shape: &Shape, density: f64, most: u16) -> [u16; 2] {
 }
 
 impl Cover {
+    /// A chart that takes its whole box.
+    pub fn full(span: [u16; 2]) -> Self {
+        Self { size: span.map(|texels| texels + 1), mask: None }
+    }
+
     /// What a chart touches whose box spans `span` texels. `triangles` gives its corners in the unit box.
     pub fn of(shape: &Shape, span: [u16; 2], triangles: impl Iterator<Item = [Vec2; 3]>) -> Self {
         let size = span.map(|texels| texels + 1);
         if shape.filled || size == [2, 2] {
-            return Self { size, mask: None };
+            return Self::full(span);
         }
         let stride = usize::from(size[0]).div_ceil(64);
         let mut bits = vec![0u64; stride * usize::from(size[1])];
@@ -66,29 +72,71 @@ impl Cover {
 }
 
 impl Mask {
+    /// Bits after `turns` quarter turns, each of which takes (x, y) to (height − 1 − y, x), with their words a row.
+    pub fn turned(&self, [w, h]: [usize; 2], turns: u8) -> (usize, Cow<'_, [u64]>) {
+        if turns == 0 {
+            return (self.stride, Cow::Borrowed(&self.bits));
+        }
+        let (new_w, new_h) = if turns == 2 { (w, h) } else { (h, w) };
+        let stride = new_w.div_ceil(64);
+        let mut bits = vec![0u64; stride * new_h];
+        let mut nothing = vec![0u64; self.stride];
+        for y in 0..h {
+            nothing.fill(0);
+            each_new(&mut nothing, &self.bits[y * self.stride..(y + 1) * self.stride], |x| {
+                let (x, y) = match turns {
+                    1 => (h - 1 - y, x),
+                    2 => (w - 1 - x, h - 1 - y),
+                    _ => (y, w - 1 - x),
+                };
+                bits[y * stride + x / 64] |= 1 << (x % 64);
+            });
+        }
+        (stride, Cow::Owned(bits))
+    }
+
     fn of(size: [u16; 2], stride: usize, bits: Vec<u64>) -> Option<Self> {
         let [w, h] = size.map(usize::from);
         let count: u32 = bits.iter().map(|word| word.count_ones()).sum();
         if count as usize == w * h {
             return None;
         }
+        let line = |y: usize| &bits[y * stride..(y + 1) * stride];
+        let rows: Vec<[i16; 2]> = (0..h).map(|y| ends(line(y))).collect();
         let mut columns = vec![[i16::MAX, -1]; w];
-        let mut rows = vec![[i16::MAX, -1]; h];
+        // A column begins where its bit is first seen from above and ends where it is first seen from below.
+        let mut seen = vec![0u64; stride];
         for y in 0..h {
-            for (n, &word) in bits[y * stride..(y + 1) * stride].iter().enumerate() {
-                let mut rest = word;
-                while rest != 0 {
-                    let x = n * 64 + rest.trailing_zeros() as usize;
-                    rest &= rest - 1;
-                    columns[x] = [columns[x][0].min(y as i16), y as i16];
-                    rows[y] = [rows[y][0].min(x as i16), x as i16];
-                }
-            }
+            each_new(&mut seen, line(y), |x| columns[x][0] = y as i16);
+        }
+        seen.fill(0);
+        for y in (0..h).rev() {
+            each_new(&mut seen, line(y), |x| columns[x][1] = y as i16);
         }
         // A chart is connected and reaches all sides of its box, so no column or row is empty, unless rounding took
         // one away: then the whole box counts.
         let whole = columns.iter().chain(&rows).all(|range| range[1] >= 0);
         whole.then_some(Self { stride, bits, columns, rows, count })
+    }
+}
+
+/// First and last set bit.
+fn ends(words: &[u64]) -> [i16; 2] {
+    let first = words.iter().position(|&word| word != 0).map(|n| n * 64 + words[n].trailing_zeros() as usize);
+    let last =
+        words.iter().rposition(|&word| word != 0).map(|n| n * 64 + 63 - words[n].leading_zeros() as usize);
+    first.zip(last).map_or([i16::MAX, -1], |(first, last)| [first as i16, last as i16])
+}
+
+/// Calls with every bit of `words` that is not in `seen`, and adds it there.
+fn each_new(seen: &mut [u64], words: &[u64], mut tell: impl FnMut(usize)) {
+    for (n, (seen, &word)) in seen.iter_mut().zip(words).enumerate() {
+        let mut fresh = word & !*seen;
+        *seen |= word;
+        while fresh != 0 {
+            tell(n * 64 + fresh.trailing_zeros() as usize);
+            fresh &= fresh - 1;
+        }
     }
 }
 

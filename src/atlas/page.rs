@@ -32,13 +32,18 @@ pub(super) struct Page {
     taken: Vec<u64>,
     /// Rows before this one have no hole for a box of this size: boxes come in groups of equal size.
     hint: Vec<([usize; 2], usize)>,
+    /// No row has a longer free run than this: runs only shrink, so what was once found stays true.
+    widest: Vec<u16>,
     /// Reused.
     lift: Vec<i16>,
     ladder: Vec<i16>,
+    ground: Vec<i32>,
     free: Vec<u64>,
     row_free: Vec<u64>,
 }
 
+/// Full boxes up to this size are laid by the bitmap alone: the remembered searches make that cheaper.
+const SMALL: u16 = 32;
 /// Remembered hole searches.
 const HINTS: usize = 8;
 
@@ -54,8 +59,10 @@ impl Page {
             skyline: vec![0; size],
             taken: vec![0; stride * size],
             hint: Vec::new(),
+            widest: vec![size as u16; size],
             lift: vec![0; size],
             ladder: vec![0; size],
+            ground: vec![0; size + 1],
             free: vec![0; stride],
             row_free: vec![0; stride],
         }
@@ -64,12 +71,16 @@ impl Page {
     /// Lays a chart down, or says that it does not fit.
     pub fn lay(&mut self, cover: &Cover) -> Option<Spot> {
         let outlines = outlines(cover);
+        let small = cover.mask.is_none() && cover.size.iter().all(|&side| side <= SMALL);
         let mut best: Option<((usize, i32, usize), Spot, &Outline)> = None;
-        for outline in &outlines {
-            if let Some((top, waste, x, y)) = self.on_skyline(outline) {
-                let key = (top, waste, x);
-                if best.as_ref().is_none_or(|(known, ..)| key < *known) {
-                    best = Some((key, Spot { x: x as u16, y: y as u16, turns: outline.turns }, outline));
+        if !small {
+            self.sum_ground();
+            for outline in &outlines {
+                if let Some((top, waste, x, y)) = self.on_skyline(outline) {
+                    let key = (top, waste, x);
+                    if best.as_ref().is_none_or(|(known, ..)| key < *known) {
+                        best = Some((key, Spot { x: x as u16, y: y as u16, turns: outline.turns }, outline));
+                    }
                 }
             }
         }
@@ -84,6 +95,15 @@ impl Page {
         let (spot, outline) = hole.or(best.map(|(_, spot, outline)| (spot, outline)))?;
         self.take(cover, spot, outline);
         Some(spot)
+    }
+
+    /// Sums of the skyline from the left, for the waste below any place.
+    fn sum_ground(&mut self) {
+        let mut sum = 0;
+        for (ground, &s) in self.ground[1..].iter_mut().zip(&self.skyline) {
+            sum += i32::from(s);
+            *ground = sum;
+        }
     }
 
     /// The lowest place on the skyline: the row after its end, the texels lost below, column and row.
@@ -110,18 +130,11 @@ impl Page {
         }
         let bottoms: i32 =
             outline.columns.as_ref().map_or(0, |columns| columns.iter().map(|&[b, _]| i32::from(b)).sum());
-        let ground = |x: usize| -> i32 { self.skyline[x..x + w].iter().map(|&s| i32::from(s)).sum() };
         let mut best = (i32::MAX, 0);
-        let mut under: i32 = ground(0);
-        for x in 0..places {
-            if x > 0 {
-                under += i32::from(self.skyline[x + w - 1]) - i32::from(self.skyline[x - 1]);
-            }
-            if self.lift[x] == lowest {
-                let waste = w as i32 * i32::from(lowest) + bottoms - under;
-                if waste < best.0 {
-                    best = (waste, x);
-                }
+        for (x, _) in lift.iter().enumerate().filter(|&(_, &y)| y == lowest) {
+            let waste = w as i32 * i32::from(lowest) + bottoms - (self.ground[x + w] - self.ground[x]);
+            if waste < best.0 {
+                best = (waste, x);
             }
         }
         Some((lowest as usize + h, best.0, best.1, lowest as usize))
@@ -139,31 +152,36 @@ impl Page {
         let stride = self.stride;
         let mut found = None;
         let mut y = from;
-        let (all, row_bits) = (&mut self.free, &mut self.row_free);
+        let (all, row_free) = (&mut self.free, &mut self.row_free);
         while y < limit && found.is_none() {
             all.fill(u64::MAX);
-            let mut next = y + h;
-            // From the far row backwards: where it blocks everything, nothing before it can do either.
+            let mut blocked = None;
+            // From the far row backwards: boxes that begin no later than the row where nothing is left hold all the
+            // rows seen so far, so they are all blocked.
             for row in (y..y + h).rev() {
-                runs(&self.taken[row * stride..(row + 1) * stride], self.size, w, row_bits);
-                if row_bits.iter().all(|&word| word == 0) {
-                    next = row + 1;
-                    all.fill(0);
+                if usize::from(self.widest[row]) < w {
+                    blocked = Some(row);
+                    break;
+                }
+                if !runs(&self.taken[row * stride..(row + 1) * stride], self.size, w, row_free) {
+                    self.widest[row] = w as u16 - 1;
+                    blocked = Some(row);
                     break;
                 }
                 let mut any = 0;
-                for (a, &b) in all.iter_mut().zip(row_bits.iter()) {
+                for (a, &b) in all.iter_mut().zip(row_free.iter()) {
                     *a &= b;
                     any |= *a;
                 }
                 if any == 0 {
-                    next = y + 1;
+                    blocked = Some(row);
                     break;
                 }
             }
-            match all.iter().position(|&word| word != 0) {
-                Some(n) => found = Some((n * 64 + all[n].trailing_zeros() as usize, y)),
-                None => y = next,
+            match (blocked, all.iter().position(|&word| word != 0)) {
+                (Some(row), _) => y = row + 1,
+                (None, Some(n)) => found = Some((n * 64 + all[n].trailing_zeros() as usize, y)),
+                (None, None) => y += 1,
             }
         }
         match known {
@@ -189,34 +207,20 @@ impl Page {
             let to = (x0 + i + g).min(self.size - 1);
             self.skyline[from..=to].iter_mut().for_each(|s| *s = (*s).max(roof));
         }
-        let stride = self.stride;
-        let mark = |taken: &mut [u64], y: usize, from: usize, to: usize, size: usize| {
-            let (from, to) = (from.saturating_sub(g), (to + g).min(size - 1));
-            for row in y.saturating_sub(g)..=(y + g).min(size - 1) {
-                fill(&mut taken[row * stride..(row + 1) * stride], from, to);
+        let Some(mask) = &cover.mask else {
+            let (from, to) = (x0.saturating_sub(g), (x0 + w - 1 + g).min(self.size - 1));
+            for row in y0.saturating_sub(g)..=(y0 + h - 1 + g).min(self.size - 1) {
+                fill(&mut self.taken[row * self.stride..(row + 1) * self.stride], from, to);
             }
+            return;
         };
-        match &cover.mask {
-            None => {
-                let (from, to) = (x0.saturating_sub(g), (x0 + w - 1 + g).min(self.size - 1));
-                for row in y0.saturating_sub(g)..=(y0 + h - 1 + g).min(self.size - 1) {
-                    fill(&mut self.taken[row * stride..(row + 1) * stride], from, to);
-                }
-            }
-            Some(mask) => {
-                let [cw, ch] = cover.size.map(usize::from);
-                for y in 0..ch {
-                    each_run(&mask.bits[y * mask.stride..(y + 1) * mask.stride], cw, |from, to| match spot.turns {
-                        0 => mark(&mut self.taken, y0 + y, x0 + from, x0 + to, self.size),
-                        2 => mark(&mut self.taken, y0 + ch - 1 - y, x0 + cw - 1 - to, x0 + cw - 1 - from, self.size),
-                        turns => {
-                            for x in from..=to {
-                                let (tx, ty) = if turns == 1 { (ch - 1 - y, x) } else { (y, cw - 1 - x) };
-                                mark(&mut self.taken, y0 + ty, x0 + tx, x0 + tx, self.size);
-                            }
-                        }
-                    });
-                }
+        let (stride, bits) = mask.turned(cover.size.map(usize::from), spot.turns);
+        for (y, line) in bits.chunks_exact(stride).enumerate() {
+            self.free.fill(0);
+            widen(line, x0, g, self.size, &mut self.free);
+            for row in (y0 + y).saturating_sub(g)..=(y0 + y + g).min(self.size - 1) {
+                let taken = &mut self.taken[row * self.stride..(row + 1) * self.stride];
+                taken.iter_mut().zip(&self.free).for_each(|(t, &new)| *t |= new);
             }
         }
     }
@@ -266,50 +270,53 @@ fn slide_max(skyline: &[i16], w: usize, out: &mut [i16], ladder: &mut [i16]) {
     }
 }
 
-/// Sets bit x where texels `x .. x + w` of the row are all free and on the page.
-fn runs(taken: &[u64], size: usize, w: usize, free: &mut [u64]) {
+/// Sets bit x where texels `x .. x + w` of the row are all free and on the page; whether there is one.
+fn runs(taken: &[u64], size: usize, w: usize, free: &mut [u64]) -> bool {
     for (f, &t) in free.iter_mut().zip(taken) {
         *f = !t;
     }
-    if size % 64 != 0 {
+    if !size.is_multiple_of(64) {
         free[size / 64] &= u64::MAX >> (64 - size % 64);
     }
     let mut reach = 1;
-    while reach < w {
+    let mut any = free.iter().fold(0, |any, &word| any | word);
+    while reach < w && any != 0 {
         let step = reach.min(w - reach);
         let (words, bits) = (step / 64, step % 64);
-        let mut any = 0;
+        any = 0;
         for n in 0..free.len() {
             let near = free.get(n + words).copied().unwrap_or(0);
             let far = free.get(n + words + 1).copied().unwrap_or(0);
-            let shifted = if bits == 0 { near } else { near >> bits | far << (64 - bits) };
+            // Twice, because a shift by 64 is none.
+            let shifted = near >> bits | far << 1 << (63 - bits);
             free[n] &= shifted;
             any |= free[n];
         }
-        if any == 0 {
-            return;
-        }
         reach += step;
     }
+    any != 0
 }
 
-/// Calls with the first and last bit of every run of set bits.
-fn each_run(words: &[u64], width: usize, mut tell: impl FnMut(usize, usize)) {
-    let set = |x: usize| words[x / 64] >> (x % 64) & 1 == 1;
+/// Sets the bits of `line`, moved right by `x0`, and `gutter` bits to both sides, where they are on the page.
+fn widen(line: &[u64], x0: usize, gutter: usize, size: usize, out: &mut [u64]) {
     let mut x = 0;
-    while x < width {
-        if words[x / 64] >> (x % 64) == 0 {
+    while x < line.len() * 64 {
+        let rest = line[x / 64] >> (x % 64);
+        if rest == 0 {
             x = (x / 64 + 1) * 64;
             continue;
         }
-        if !set(x) {
-            x += (words[x / 64] >> (x % 64)).trailing_zeros() as usize;
-            continue;
+        let from = x + rest.trailing_zeros() as usize;
+        // The run may go on through whole words.
+        let mut to = from;
+        loop {
+            let ones = (!(line[to / 64] >> (to % 64))).trailing_zeros() as usize;
+            to += ones.min(64 - to % 64);
+            if !to.is_multiple_of(64) || to / 64 >= line.len() || line[to / 64] & 1 == 0 {
+                break;
+            }
         }
-        let from = x;
-        while x < width && set(x) {
-            x += 1;
-        }
-        tell(from, x - 1);
+        fill(out, (x0 + from).saturating_sub(gutter), (x0 + to - 1 + gutter).min(size - 1));
+        x = to;
     }
 }

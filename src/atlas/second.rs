@@ -42,7 +42,7 @@ pub(super) fn charts<F: Fn() -> bool + Sync>(piece: &Piece, go_on: &F) -> Result
         let slot = &mut place[chart as usize];
         if *slot == usize::MAX {
             *slot = charts.len();
-            charts.push(FlatChart { piece: 0, triangles: Vec::new(), corner_uv: Vec::new() });
+            charts.push(FlatChart { triangles: Vec::new(), corner_uv: Vec::new() });
         }
         charts[*slot].triangles.push(t as u32);
         charts[*slot].corner_uv.push(uv);

@@ -20,8 +20,6 @@ pub(super) struct Shape {
 pub(super) struct Shapes {
     /// Index of the geometry.
     pub geometry: usize,
-    /// MᵀM of the surfaces' linear map.
-    pub space: DMat3,
     /// Position of every vertex of the unwrapped mesh in its chart's box, `[0, 1]²`.
     pub unit_uv: Vec<Vec2>,
     /// One per chart.
@@ -47,7 +45,7 @@ impl Shapes {
             vertices.into_iter().for_each(|(i, uv)| unit_uv[i as usize] = uv);
         }
         place_strays(woven, &anchor, &mut unit_uv);
-        Self { geometry: geometry_index, space, unit_uv, charts }
+        Self { geometry: geometry_index, unit_uv, charts }
     }
 }
 

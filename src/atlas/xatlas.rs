@@ -14,8 +14,6 @@ pub(super) struct Piece {
 /// One flattened chart of a piece.
 #[derive(Debug)]
 pub(super) struct FlatChart {
-    /// Index of the piece.
-    pub piece: u32,
     /// Triangles of the piece.
     pub triangles: Vec<u32>,
     /// Flattened corners of each, any scale, possibly mirrored.
@@ -45,11 +43,10 @@ type Continue = unsafe extern "C" fn(*mut c_void) -> bool;
 
 unsafe extern "C" {
     fn lightkiln_xatlas_charts(
-        meshes: u32,
-        first_vertex: *const u32,
+        vertices: u32,
         position: *const f32,
         normal: *const f32,
-        first_index: *const u32,
+        triangles: u32,
         index: *const u32,
         normal_seam_weight: f32,
         max_cost: f32,
@@ -61,7 +58,6 @@ unsafe extern "C" {
     fn lightkiln_xatlas_face_count(charts: *const Charts) -> u32;
     fn lightkiln_xatlas_copy(
         charts: *const Charts,
-        mesh: *mut u32,
         first_face: *mut u32,
         face: *mut u32,
         corner_uv: *mut f32,
@@ -69,44 +65,27 @@ unsafe extern "C" {
     fn lightkiln_xatlas_free(charts: *mut Charts);
 }
 
-/// Charts of all pieces, in the order of the pieces. Triangles that xatlas ignores (no area) are in none.
-/// `go_on` is asked now and then.
-pub(super) fn charts<F: Fn() -> bool>(pieces: &[Piece], go_on: &F) -> Result<Vec<FlatChart>, NoCharts> {
+/// Charts of a piece. Triangles that xatlas ignores (no area) are in none. `go_on` is asked now and then.
+pub(super) fn charts<F: Fn() -> bool>(piece: &Piece, go_on: &F) -> Result<Vec<FlatChart>, NoCharts> {
     unsafe extern "C" fn ask<F: Fn() -> bool>(user: *mut c_void) -> bool {
         // SAFETY: `user` is the `&F` given below, alive for the whole call; xatlas is built without threads.
         let go_on = unsafe { &*user.cast::<F>() };
         go_on()
     }
-    let rows: usize = pieces.iter().map(|piece| piece.position.len()).sum();
-    let triangles: usize = pieces.iter().map(|piece| piece.triangles.len()).sum();
-    if triangles == 0 {
-        return Ok(Vec::new());
-    }
-    if u32::try_from(rows).is_err() || u32::try_from(triangles * 3).is_err() || !pieces.iter().all(sound) {
+    let (vertices, triangles) = (u32::try_from(piece.position.len()), u32::try_from(piece.triangles.len()));
+    let (Ok(vertices), Ok(triangles)) = (vertices, triangles) else { return Err(NoCharts::Failed) };
+    if triangles > u32::MAX / 3 || !sound(piece) {
         return Err(NoCharts::Failed);
     }
-    let mut first_vertex = vec![0u32];
-    let mut first_index = vec![0u32];
-    let mut position: Vec<Vec3> = Vec::with_capacity(rows);
-    let mut normal: Vec<Vec3> = Vec::with_capacity(rows);
-    let mut index: Vec<[u32; 3]> = Vec::with_capacity(triangles);
-    for piece in pieces {
-        position.extend(&piece.position);
-        normal.extend(&piece.normal);
-        index.extend(&piece.triangles);
-        first_vertex.push(position.len() as u32);
-        first_index.push(index.len() as u32 * 3);
-    }
     let mut result = std::ptr::null_mut();
-    // SAFETY: the arrays have the lengths the offsets promise, all indices were checked, `go_on` outlives the call.
+    // SAFETY: the arrays have the lengths that are told, all indices were checked, `go_on` outlives the call.
     let code = unsafe {
         lightkiln_xatlas_charts(
-            pieces.len() as u32,
-            first_vertex.as_ptr(),
-            bytemuck::cast_slice::<Vec3, f32>(&position).as_ptr(),
-            bytemuck::cast_slice::<Vec3, f32>(&normal).as_ptr(),
-            first_index.as_ptr(),
-            bytemuck::cast_slice::<[u32; 3], u32>(&index).as_ptr(),
+            vertices,
+            bytemuck::cast_slice::<Vec3, f32>(&piece.position).as_ptr(),
+            bytemuck::cast_slice::<Vec3, f32>(&piece.normal).as_ptr(),
+            triangles,
+            bytemuck::cast_slice::<[u32; 3], u32>(&piece.triangles).as_ptr(),
             NORMAL_SEAM_WEIGHT,
             MAX_COST,
             ask::<F>,
@@ -115,7 +94,7 @@ pub(super) fn charts<F: Fn() -> bool>(pieces: &[Piece], go_on: &F) -> Result<Vec
         )
     };
     match code {
-        0 => Ok(take(result, pieces)),
+        0 => Ok(take(result, triangles)),
         1 => Err(NoCharts::Stopped),
         _ => Err(NoCharts::Failed),
     }
@@ -129,31 +108,23 @@ fn sound(piece: &Piece) -> bool {
 }
 
 /// Copies the result out and frees it.
-fn take(result: *mut Charts, pieces: &[Piece]) -> Vec<FlatChart> {
+fn take(result: *mut Charts, triangles: u32) -> Vec<FlatChart> {
     // SAFETY: `result` is a live result of `lightkiln_xatlas_charts`; the arrays have the lengths it says; it is
     // freed once and not used after.
-    let (mesh, first_face, face, uv) = unsafe {
+    let (first_face, face, uv) = unsafe {
         let charts = lightkiln_xatlas_chart_count(result) as usize;
         let faces = lightkiln_xatlas_face_count(result) as usize;
-        let (mut mesh, mut first_face) = (vec![0u32; charts], vec![0u32; charts + 1]);
-        let (mut face, mut uv) = (vec![0u32; faces], vec![[Vec2::ZERO; 3]; faces]);
+        let (mut first_face, mut face) = (vec![0u32; charts + 1], vec![0u32; faces]);
+        let mut uv = vec![[Vec2::ZERO; 3]; faces];
         let floats = bytemuck::cast_slice_mut::<[Vec2; 3], f32>(&mut uv);
-        lightkiln_xatlas_copy(
-            result,
-            mesh.as_mut_ptr(),
-            first_face.as_mut_ptr(),
-            face.as_mut_ptr(),
-            floats.as_mut_ptr(),
-        );
+        lightkiln_xatlas_copy(result, first_face.as_mut_ptr(), face.as_mut_ptr(), floats.as_mut_ptr());
         lightkiln_xatlas_free(result);
-        (mesh, first_face, face, uv)
+        (first_face, face, uv)
     };
-    let chart = |c: usize| {
-        let rows = first_face[c] as usize..first_face[c + 1] as usize;
-        let known = pieces[mesh[c] as usize].triangles.len() as u32;
-        let kept = rows.filter(|&row| face[row] < known);
-        let (triangles, corner_uv) = kept.map(|row| (face[row], uv[row])).unzip();
-        FlatChart { piece: mesh[c], triangles, corner_uv }
+    let chart = |ends: &[u32]| {
+        let rows = (ends[0] as usize..ends[1] as usize).filter(|&row| face[row] < triangles);
+        let (triangles, corner_uv) = rows.map(|row| (face[row], uv[row])).unzip();
+        FlatChart { triangles, corner_uv }
     };
-    (0..mesh.len()).map(chart).collect()
+    first_face.windows(2).map(chart).collect()
 }

@@ -46,6 +46,8 @@ pub(crate) struct Measured {
     pub density: [f64; 2],
     /// Area-weighted mean of the latter.
     pub mean_density: f64,
+    /// Share of the area whose density is within a quarter of the asked one.
+    pub even: f64,
 }
 
 /// Checks every promise of the stage; panics where one is broken. Triangles smaller than `crumb` texels² are not
@@ -53,13 +55,17 @@ pub(crate) struct Measured {
 pub(crate) fn verify(scene: &Scene, atlas: &Atlas, gutter: u32, crumb: f64) -> Measured {
     let mut pages: Vec<Vec<u32>> =
         atlas.pages.iter().map(|page| vec![0; (page.size_texels * page.size_texels) as usize]).collect();
-    let mut samples: Vec<Vec<bool>> =
-        atlas.pages.iter().map(|page| vec![false; (page.size_texels * page.size_texels * 16) as usize]).collect();
+    let mut samples: Vec<Vec<bool>> = atlas
+        .pages
+        .iter()
+        .map(|page| vec![false; (page.size_texels * page.size_texels * 16) as usize])
+        .collect();
     let mut measured = Measured {
         charts: 0,
         stretch: [f64::INFINITY, 0.0],
         density: [f64::INFINITY, 0.0],
         mean_density: 0.0,
+        even: 0.0,
     };
     let mut page_of_node: BTreeMap<(usize, Option<usize>), u32> = BTreeMap::new();
     let mut next_chart = 1;
@@ -69,7 +75,11 @@ pub(crate) fn verify(scene: &Scene, atlas: &Atlas, gutter: u32, crumb: f64) -> M
             let page = atlas.pages[placement.page as usize].clone();
             if page.exported {
                 let node = (surface.origin.node, surface.origin.instance);
-                assert_eq!(*page_of_node.entry(node).or_insert(placement.page), placement.page, "node on two pages");
+                assert_eq!(
+                    *page_of_node.entry(node).or_insert(placement.page),
+                    placement.page,
+                    "node on two pages"
+                );
             }
             let density = f64::from(atlas.density)
                 * f64::from(surface.density_factor)
@@ -79,7 +89,10 @@ pub(crate) fn verify(scene: &Scene, atlas: &Atlas, gutter: u32, crumb: f64) -> M
             let unwrap = &placement.unwrap;
             for (t, corners) in unwrap.triangles.iter().enumerate() {
                 let uv = corners.map(|i| placement.uv_texels[i as usize].as_dvec2());
-                assert!(uv.iter().all(|p| p.is_finite() && p.min_element() >= 0.0 && p.max_element() <= size as f64));
+                assert!(
+                    uv.iter()
+                        .all(|p| p.is_finite() && p.min_element() >= 0.0 && p.max_element() <= size as f64)
+                );
                 let doubled = (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]);
                 let world = scene.geometry(surface).triangles[t].map(|i| {
                     let p = scene.geometry(surface).position_local[i as usize].as_dvec3();
@@ -95,6 +108,7 @@ pub(crate) fn verify(scene: &Scene, atlas: &Atlas, gutter: u32, crumb: f64) -> M
                     measured.density[1] = measured.density[1].max(linear);
                     area_m2 += world_area;
                     measured.mean_density += world_area * linear;
+                    measured.even += if (0.75..1.25).contains(&linear) { world_area } else { 0.0 };
                 } else {
                     assert!(doubled > -1e-3, "turned over: triangle {t}, doubled area {doubled}");
                 }
@@ -119,7 +133,23 @@ pub(crate) fn verify(scene: &Scene, atlas: &Atlas, gutter: u32, crumb: f64) -> M
         assert!((fill - f64::from(atlas.fill)).abs() < 0.02, "fill {fill} is told as {}", atlas.fill);
     }
     measured.mean_density /= area_m2.max(f64::MIN_POSITIVE);
+    measured.even /= area_m2.max(f64::MIN_POSITIVE);
     measured
+}
+
+/// Texels that bilinear lookups read on all pages.
+pub(crate) fn touched(scene: &Scene, atlas: &Atlas) -> usize {
+    let mut pages: Vec<Vec<u32>> =
+        atlas.pages.iter().map(|page| vec![0; (page.size_texels * page.size_texels) as usize]).collect();
+    for (s, surface) in scene.surfaces.iter().enumerate() {
+        let Some(placement) = &atlas.fronts[s] else { continue };
+        let size = i64::from(atlas.pages[placement.page as usize].size_texels);
+        for corners in &placement.unwrap.triangles {
+            let uv = corners.map(|i| placement.uv_texels[i as usize].as_dvec2());
+            claim(&mut pages[placement.page as usize], size, uv, surface.geometry.0 + 1);
+        }
+    }
+    pages.iter().flatten().filter(|&&chart| chart != 0).count()
 }
 
 /// The split mesh copies the geometry.
@@ -218,7 +248,10 @@ fn keep_apart(size: i64, texels: &[u32], gutter: i64) {
             for v in y..=(y + gutter).min(size - 1) {
                 for u in (x - gutter).max(0)..=(x + gutter).min(size - 1) {
                     let other = at(u, v);
-                    assert!(other == 0 || other == chart, "charts {chart} and {other} nearer than {gutter} texels");
+                    assert!(
+                        other == 0 || other == chart,
+                        "charts {chart} and {other} nearer than {gutter} texels"
+                    );
                 }
             }
         }
