@@ -146,7 +146,7 @@ impl Baked {
         std::fs::write(&input, bytes).unwrap();
         let (before, mut scene) = import::load(&input, &ImportOptions::default()).unwrap();
         scene.surfaces.iter_mut().for_each(|surface| surface.role = Role::Lightmapped);
-        Self::of_scene(folder, before, scene, cut, |_| 0, ExportOptions::default()).unwrap()
+        Self::of_scene(folder, (before, scene), cut, |_| 0, ExportOptions::default()).unwrap()
     }
 
     /// Bakes a file that may lie anywhere; a relative output is one in `folder`.
@@ -158,14 +158,13 @@ impl Baked {
         options: ExportOptions,
     ) -> lightkiln::Result<Self> {
         let read = ImportOptions { allow_outside: true, ..ImportOptions::default() };
-        let (before, scene) = import::load(input, &read)?;
-        Self::of_scene(folder, before, scene, cut, page_of, options)
+        Self::of_scene(folder, import::load(input, &read)?, cut, page_of, options)
     }
 
-    fn of_scene(
+    /// Bakes what was loaded; a relative output is one in `folder`.
+    pub fn of_scene(
         folder: tempfile::TempDir,
-        before: Document,
-        scene: Scene,
+        (before, scene): (Document, Scene),
         cut: Cut,
         page_of: impl Fn(usize) -> u32,
         mut options: ExportOptions,
