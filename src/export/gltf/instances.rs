@@ -42,11 +42,13 @@ fn expand_node(edit: &mut Edit, node: usize) -> Result<Vec<usize>> {
         let values = raw.to_floats().into_iter().map(|x| if x.is_finite() { x } else { 0.0 }).collect();
         columns.push((semantic, raw.components().max(1), values));
     }
-    let count = columns.iter().map(|(_, width, values)| values.len() / width).min().unwrap_or(0);
+    let places = columns.iter().filter(|column| ["TRANSLATION", "ROTATION", "SCALE"].contains(&column.0));
+    let count = places.map(|(_, width, values)| values.len() / width).min().unwrap_or(0);
     let given = items(&edit.document.json, "nodes").get(node);
     let mesh = given.and_then(|node| index_at(node, "mesh"));
     let weights = given.and_then(|node| node.get("weights")).cloned();
-    let custom: Vec<&str> = columns.iter().map(|column| column.0).filter(|name| name.starts_with('_')).collect();
+    let custom: Vec<&str> =
+        columns.iter().map(|column| column.0).filter(|name| name.starts_with('_')).collect();
     if !custom.is_empty() {
         let what = format!(
             "its {count} instances became nodes; their attributes {} are in these nodes' extras now, as \"instance\"",
@@ -60,7 +62,7 @@ fn expand_node(edit: &mut Edit, node: usize) -> Result<Vec<usize>> {
         let mut child = json!({ "name": format!("{name}.{instance:03}") });
         let mut extras = json!({});
         for (semantic, width, values) in &columns {
-            let value = &values[instance * width..][..*width];
+            let Some(value) = values.get(instance * width..(instance + 1) * width) else { continue };
             match *semantic {
                 "TRANSLATION" => child["translation"] = json!(value),
                 "ROTATION" => child["rotation"] = json!(unit(value)),
