@@ -30,18 +30,12 @@ impl Document {
     ) -> Result<Self> {
         let at = path.display().to_string();
         let (json, container) = container::open(bytes, &at, warnings)?;
-        let view_count = items(&json, BUFFER_VIEWS)?.len();
-        let mut document = Self {
-            path: path.to_owned(),
-            json,
-            container,
-            buffers: Vec::new(),
-            decoded_views: std::iter::repeat_with(OnceLock::new).take(view_count).collect(),
-        };
+        let mut document = Self { path: path.to_owned(), json, container, buffers: Vec::new() };
         super::extensions::check(&document.json, &at)?;
         let count = items(&document.json, BUFFERS)?.len();
         document.buffers =
             (0..count).map(|index| document.read_buffer(index, options)).collect::<Result<_>>()?;
+        document.find_packed_views()?;
         Ok(document)
     }
 
@@ -60,7 +54,7 @@ impl Document {
                 (bin.clone(), None)
             }
             // A placeholder: whoever needs its bytes says so.
-            (None, _) => return Ok(Buffer { bytes: Vec::new(), path: None }),
+            (None, _) => return Ok(Buffer { bytes: Vec::new(), path: None, packed_views: Vec::new() }),
         };
         let mut bytes = bytes;
         if bytes.len() < length {
@@ -76,7 +70,20 @@ impl Document {
             return Err(Error::invalid(source, what));
         }
         bytes.truncate(length);
-        Ok(Buffer { bytes, path })
+        Ok(Buffer { bytes, path, packed_views: Vec::new() })
+    }
+
+    /// Notes which buffers hold compressed views. Nothing is decoded yet.
+    fn find_packed_views(&mut self) -> Result<()> {
+        for view in 0..items(&self.json, BUFFER_VIEWS)?.len() {
+            let part = Part::item(&self.json, BUFFER_VIEWS, view)?;
+            let Some(extension) = compression::meshopt_extension(&part)? else { continue };
+            let source = extension.required_index("buffer")?;
+            if let Some(buffer) = self.buffers.get_mut(source) {
+                buffer.packed_views.push((view, OnceLock::new()));
+            }
+        }
+        Ok(())
     }
 
     /// The bytes of a buffer view; `by` is what asks for it.
@@ -85,8 +92,12 @@ impl Document {
             .map_err(|_| by.dangling("bufferView", BUFFER_VIEWS, index))?;
         let stride = part.index("byteStride")?;
         if let Some(extension) = compression::meshopt_extension(&part)? {
-            // `decoded_views` is as long as the list in which `item` just found `index`.
-            let decoded = self.decoded_views[index].get_or_init(|| self.decode_view(&part, &extension));
+            let source = self.buffers.get(extension.required_index("buffer")?);
+            let packed = source.map_or(&[] as &[_], |buffer| &buffer.packed_views);
+            let Ok(found) = packed.binary_search_by_key(&index, |(view, _)| *view) else {
+                return Err(extension.wrong("buffer", "does not exist"));
+            };
+            let decoded = packed[found].1.get_or_init(|| self.decode_view(&part, &extension));
             return match decoded {
                 DecodedView::Bytes(bytes) => Ok(View { bytes, stride }),
                 DecodedView::Broken(what) => Err(Error::invalid(part.at(), what.clone())),

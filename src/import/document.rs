@@ -26,6 +26,9 @@ pub struct Buffer {
     pub bytes: Vec<u8>,
     /// The file it was read from, for external buffers.
     pub path: Option<PathBuf>,
+    /// The buffer views that EXT_meshopt_compression hides in it, by index and rising; decoded when first asked for,
+    /// because one view often serves hundreds of accessors.
+    pub(super) packed_views: Vec<(usize, OnceLock<DecodedView>)>,
 }
 
 /// The file: JSON untouched, buffers, container.
@@ -39,9 +42,6 @@ pub struct Document {
     pub container: Container,
     /// One per entry of `buffers`.
     pub buffers: Vec<Buffer>,
-    /// What EXT_meshopt_compression hides, one per entry of `bufferViews`, decoded when first asked for: one view often
-    /// serves hundreds of accessors.
-    pub(super) decoded_views: Vec<OnceLock<DecodedView>>,
 }
 
 impl Document {
