@@ -510,7 +510,8 @@ fn kept_and_remade_rows_agree_and_threads_change_nothing() {
                     .unwrap();
             let (mut a, mut b) = (Progressive::new(&kept), Progressive::remaking(&remade));
             for _ in 0..40 {
-                (a.sweep(), b.sweep());
+                a.sweep();
+                b.sweep();
             }
             let shots = Way::Shots.solve(&kept).radiosity;
             let oracle = Way::Matrix(Relaxation::ConjugateGradient).solve(&kept).radiosity;
