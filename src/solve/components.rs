@@ -10,6 +10,8 @@ pub(super) struct Components {
     /// Set of each patch.
     pub of: Vec<u32>,
     sets: Vec<Set>,
+    /// Whether rows are still to be learned from.
+    learning: bool,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -53,6 +55,7 @@ impl Components {
             set.arriving += problem.area()[patch] * rows.sum(patch);
         }
         components.sets.iter_mut().for_each(Set::estimate);
+        components.learning = false;
         components
     }
 
@@ -68,11 +71,14 @@ impl Components {
             set.area += area;
             set.reflecting += problem.reflectance()[patch] * area;
         }
-        Self { of, sets }
+        Self { of, sets, learning: true }
     }
 
     /// A patch of this `area` was seen to send the share `arriving` of its power to other patches.
     pub fn observe(&mut self, patch: usize, area: f64, arriving: f64) {
+        if !self.learning {
+            return;
+        }
         let set = &mut self.sets[self.of[patch] as usize];
         set.known += area;
         set.arriving += area * arriving;

@@ -162,7 +162,7 @@ fn finished<R: RowSource>(
     let emitted = problem.emitted().element_sum();
     let sums: Vec<f64> = promised.iter().zip(area).map(|(promised, area)| promised / area).collect();
     Solution {
-        error_bound: bound::channels(|c| bound::by_largest(area, problem.reflectance(), &sums, &residual, c)),
+        error_bound: bound::by_largest(area, problem.reflectance(), &sums, &residual),
         // B = s + ρE, with the last residual, as the progressive solver has it.
         radiosity: radiosity.iter().zip(&residual).map(|(&b, &r)| b + r).collect(),
         received,

@@ -28,8 +28,53 @@ pub use progressive::{Progressive, Solution, StepReport};
 pub use rows::{Made, RowSource, Rows};
 pub use transfer::{Kept, Remade, Transfer};
 
+use crate::error::Result;
+use crate::options::{SolveOptions, Solver};
+use crate::progress::Progress;
+
 /// One value per colour channel, linear Rec.709.
 pub type Rgb = glam::DVec3;
+
+/// Patches, of each of this many, that shoot before the sweeps begin.
+const SHOOTING_SHARE: usize = 16;
+
+/// No scene that was seen needs more sweeps than 40.
+const MAX_SWEEPS: u64 = 1000;
+
+/// Solves a problem whose rows are kept, until the unshot power is below `options.tolerance` of the power that was to
+/// be distributed, or the caller cancels: the solution so far is a solution too, and says by its error bound how far
+/// it got.
+///
+/// The progressive solver shoots what stands out, which is where looking for the brightest patch pays, and leaves the
+/// rest to sweeps. On 4,096 patches with 200 receivers each and a mean reflectance of 0.59, to 3e-5 of the light: 5
+/// sweeps, 25 ms; by shots alone 5 × 4,096 of them, 100 ms; without overshooting 12 × 4,096.
+///
+/// The matrix solver fails with [`crate::Error::TooLarge`] where memory does not do.
+pub fn solve(problem: &Problem, options: &SolveOptions, progress: &Progress) -> Result<Solution> {
+    if options.solver == Solver::Matrix {
+        return matrix::solve(
+            problem,
+            &MatrixOptions { tolerance: options.tolerance, ..MatrixOptions::default() },
+        );
+    }
+    let mut solver = Progressive::new(problem);
+    let done = |report: &StepReport| report.unshot_fraction <= options.tolerance || progress.cancelled();
+    for _ in 0..problem.len().div_ceil(SHOOTING_SHARE) {
+        let report = solver.step();
+        progress.unshot(report.unshot_fraction);
+        if report.shooter.is_none() || done(&report) {
+            return Ok(solver.solution());
+        }
+    }
+    for _ in 0..MAX_SWEEPS {
+        let report = solver.sweep();
+        progress.unshot(report.unshot_fraction);
+        if done(&report) {
+            break;
+        }
+    }
+    Ok(solver.solution())
+}
 
 /// Σ w |x| over the patches, per channel.
 fn weighted_sum_abs(weight: &[f64], values: &[Rgb]) -> Rgb {

@@ -1,4 +1,4 @@
-//! How the power of a shot finds its receivers.
+//! How the power of a shot finds its receivers, and how a patch gathers from all others.
 
 use super::Rgb;
 use super::bound;
@@ -6,8 +6,10 @@ use super::components::Components;
 use super::problem::Problem;
 use super::rows::{Columns, RowSource, Rows};
 use crate::transport::form_factors::Row;
+use rayon::prelude::*;
+use std::ops::Range;
 
-/// Where a shooter's power goes.
+/// Where power goes.
 pub trait Transfer {
     /// Calls `receive(i, f)` for every patch i that receives: one unit of radiosity of `shooter` makes the irradiance
     /// f on it.
@@ -16,18 +18,21 @@ pub trait Transfer {
     /// The share of the shooter's power that its own row says arrives; none where this is what a shot does.
     fn arriving(&self, shooter: usize) -> Option<f64>;
 
+    /// What `patches` receive by their own rows, Σ_j F_ij b_j, and the sums of these rows.
+    fn gather(&self, patches: Range<usize>, radiosity: &[Rgb]) -> Vec<(Rgb, f64)>;
+
     /// Bound on Σ A |b* − b| per channel; see `bound.rs`.
     fn error_bound(&self, unshot: &[Rgb]) -> Rgb;
 }
 
 /// Rows that are kept: receivers gather by their own factors, E_i += F_ij Δb_j.
 pub struct Kept<'p> {
-    pub(super) problem: &'p Problem<Rows>,
-    pub(super) columns: Columns,
+    problem: &'p Problem<Rows>,
+    columns: Columns,
     arriving: Vec<f64>,
 }
 
-/// Rows that are made when their patch shoots, and forgotten: E_i += F_ji A_j/A_i Δb_j, by reciprocity.
+/// Rows that are made when they are needed, and forgotten. A shot goes by reciprocity, E_i += F_ji A_j/A_i Δb_j.
 pub struct Remade<'p, R> {
     problem: &'p Problem<R>,
     row: Row,
@@ -59,6 +64,18 @@ impl Transfer for Kept<'_> {
         Some(self.arriving[shooter])
     }
 
+    fn gather(&self, patches: Range<usize>, radiosity: &[Rgb]) -> Vec<(Rgb, f64)> {
+        let rows = self.problem.rows();
+        patches
+            .map(|patch| {
+                let (column, weight) = rows.patch(patch);
+                let terms = column.iter().zip(weight);
+                let sum = terms.map(|(&j, &weight)| radiosity[j as usize] * f64::from(weight)).sum();
+                (sum, self.arriving[patch])
+            })
+            .collect()
+    }
+
     fn error_bound(&self, unshot: &[Rgb]) -> Rgb {
         bound::remaining_power(self.problem, &self.columns, unshot)
     }
@@ -74,6 +91,18 @@ impl<R: RowSource> Transfer for Remade<'_, R> {
 
     fn arriving(&self, _: usize) -> Option<f64> {
         None
+    }
+
+    fn gather(&self, patches: Range<usize>, radiosity: &[Rgb]) -> Vec<(Rgb, f64)> {
+        patches
+            .into_par_iter()
+            .map_init(Row::default, |row, patch| {
+                self.problem.rows().row(patch, row);
+                let terms = row.column.iter().zip(&row.weight);
+                let sum = terms.map(|(&j, &weight)| radiosity[j as usize] * weight).sum();
+                (sum, row.weight.iter().sum())
+            })
+            .collect()
     }
 
     fn error_bound(&self, unshot: &[Rgb]) -> Rgb {

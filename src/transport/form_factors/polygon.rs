@@ -7,7 +7,7 @@
 //! All of it runs in f64: at a distance of 1,000 sizes or at grazing incidence the edge terms cancel, and f32 loses
 //! up to everything. The angle comes from both sine and cosine: `acos` alone loses half of the digits of small angles.
 
-use super::lambert::{far_rule, is_far, lambert};
+use super::lambert::{far_rule, is_far, lambert, lambert_of_four};
 use glam::DVec3;
 
 /// Polygons with more corners are cut into fans of this many.
@@ -35,10 +35,35 @@ const CLIPPED_CORNERS: usize = FAN_CORNERS + 2;
 /// assert!((factor - 0.138531605994893).abs() < 1e-14);
 /// ```
 pub fn point_to_polygon(position: DVec3, normal: DVec3, corners: &[DVec3]) -> f64 {
+    if let 3 | 4 = corners.len()
+        && let Some(factor) = unclipped(position, normal, corners)
+    {
+        return as_factor(factor);
+    }
     as_factor(sum_over_fans(corners, |fan| {
         let Some(mut polygon) = Relative::facing(position, fan) else { return 0.0 };
         if polygon.clip(normal) { polygon.factor(normal) } else { 0.0 }
     }))
+}
+
+/// The short way for a triangle or a quadrilateral that lies above the horizon, or is seen from behind; None when it
+/// has to be clipped.
+#[inline]
+fn unclipped(position: DVec3, normal: DVec3, corners: &[DVec3]) -> Option<f64> {
+    // Closed, with an edge without length after a triangle's three.
+    let at: [DVec3; 5] =
+        std::array::from_fn(|i| (if i < corners.len() { corners[i] } else { corners[0] }) - position);
+    let area_vector = (at[2] - at[0]).cross(at[3] - at[1]);
+    let lowest = at[..4].iter().map(|corner| corner.dot(normal)).fold(f64::INFINITY, f64::min);
+    let depth = area_vector.dot(at[0]);
+    if depth >= 0.0 {
+        return Some(0.0);
+    }
+    if lowest < 0.0 {
+        return None;
+    }
+    let corners = &at[..corners.len()];
+    Some(if is_far(corners) { far_rule(corners, normal) } else { lambert_of_four(&at, normal) })
 }
 
 /// The same where the cosine is taken with `shading_normal`, and both hemispheres must be open: nothing below the

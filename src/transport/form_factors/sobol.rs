@@ -45,8 +45,13 @@ const fn directions() -> [[u32; BITS]; 4] {
 pub(super) fn point(index: u32, seed: u32) -> [f32; 4] {
     std::array::from_fn(|dimension| {
         let mut bits = 0;
-        for (bit, direction) in DIRECTIONS[dimension].iter().enumerate() {
-            bits ^= ((index >> bit) & 1) * direction;
+        let mut rest = index;
+        for direction in DIRECTIONS[dimension] {
+            if rest == 0 {
+                break;
+            }
+            bits ^= (rest & 1) * direction;
+            rest >>= 1;
         }
         let scrambled = owen_scrambled(bits, hash(seed ^ hash(dimension as u32 + 1)));
         // 24 bits: all that f32 holds without rounding up to 1.
