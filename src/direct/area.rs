@@ -121,7 +121,8 @@ impl Polygon {
 }
 
 fn support(corners: &[Vec3]) -> [Vec3; 3] {
-    let (low, high) = corners.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), c| (l.min(*c), h.max(*c)));
+    let (low, high) =
+        corners.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), c| (l.min(*c), h.max(*c)));
     [low, high, low]
 }
 

@@ -41,7 +41,8 @@ pub fn cut(elements: &Elements) -> Vec<Block> {
         }
         for y in (chart.min[1]..chart.max[1]).step_by(TILE.into()) {
             for x in (chart.min[0]..chart.max[0]).step_by(TILE.into()) {
-                let max = [x.saturating_add(TILE).min(chart.max[0]), y.saturating_add(TILE).min(chart.max[1])];
+                let max =
+                    [x.saturating_add(TILE).min(chart.max[0]), y.saturating_add(TILE).min(chart.max[1])];
                 blocks.push(Block { chart: index as u32, min: [x, y], max });
             }
         }
@@ -316,7 +317,9 @@ impl<T: Tracer> Work<'_, T> {
                 break;
             }
         }
-        Vec3::from_array(std::array::from_fn(|k| if all[k] > 0.0 { (passed[k] / all[k]).min(1.0) } else { 0.0 }))
+        Vec3::from_array(std::array::from_fn(
+            |k| if all[k] > 0.0 { (passed[k] / all[k]).min(1.0) } else { 0.0 },
+        ))
     }
 
     /// The refined visibility; inside a wide penumbra the mean of the 3×3 neighbourhood, whose nine sample sets

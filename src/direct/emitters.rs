@@ -3,8 +3,8 @@
 use super::area::{AreaEmitter, Polygon};
 use super::point::PointEmitter;
 use super::sky;
-use super::{Emitter, Receiver, ShadowRay};
 use super::sun::SunEmitter;
+use super::{Emitter, Receiver, ShadowRay};
 use crate::scene::{LampKind, Role, Scene, Sky, Surface, SurfacePoint};
 use crate::units::Irradiance;
 use glam::{Vec2, Vec3};
@@ -207,7 +207,8 @@ fn cut_textured(scene: &Scene, index: u32, surface: &Surface, triangle: u32, out
     let Some(slot) = &material.emission_texture else { return };
     let size = scene.textures[slot.texture.0 as usize].size();
     let reach = scene.geometry(surface).texcoords.get(slot.texcoord).map_or(1.0, |set| {
-        let [a, b, c] = scene.corner_indices(surface, triangle).map(|i| slot.transform.transform_point2(set[i]));
+        let [a, b, c] =
+            scene.corner_indices(surface, triangle).map(|i| slot.transform.transform_point2(set[i]));
         let texels = Vec2::new(size[0] as f32, size[1] as f32);
         ((b - a).abs().max((c - a).abs()) * texels).max_element()
     });
@@ -220,14 +221,17 @@ fn cut_textured(scene: &Scene, index: u32, surface: &Surface, triangle: u32, out
         let middles = [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0];
         let quarters =
             [[a, middles[0], middles[2]], [middles[0], b, middles[1]], [middles[2], middles[1], c], middles];
-        let mean = |t: &[Vec2; 3]| mean_radiance(scene, index, triangle, t, (reach / 16.0).ceil().max(1.0) as u32);
+        let mean =
+            |t: &[Vec2; 3]| mean_radiance(scene, index, triangle, t, (reach / 16.0).ceil().max(1.0) as u32);
         let radiances = quarters.map(|q| mean(&q));
         let average = (radiances[0] + radiances[1] + radiances[2] + radiances[3]) / 4.0;
-        let uneven = radiances.iter().any(|r| (*r - average).abs().max_element() > 0.02 * average.max_element());
+        let uneven =
+            radiances.iter().any(|r| (*r - average).abs().max_element() > 0.02 * average.max_element());
         if level > 0 && (uneven || level == levels) {
             stack.extend(quarters.map(|q| (q, level - 1)));
         } else if average.max_element() > 0.0 {
-            let world = piece.map(|w| corners[0] + (corners[1] - corners[0]) * w.x + (corners[2] - corners[0]) * w.y);
+            let world =
+                piece.map(|w| corners[0] + (corners[1] - corners[0]) * w.x + (corners[2] - corners[0]) * w.y);
             out.extend(Polygon::new(&world, average).map(|p| p.part_of(&corners)));
         }
     }
@@ -260,9 +264,9 @@ fn grouped(polygons: Vec<Polygon>) -> Vec<Vec<Polygon>> {
             stack.push(other);
             stack.push(same);
         } else if group.len() > GROUP {
-            let (lo, hi) = group
-                .iter()
-                .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| (lo.min(p.centre()), hi.max(p.centre())));
+            let (lo, hi) = group.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), p| {
+                (lo.min(p.centre()), hi.max(p.centre()))
+            });
             let axis = (hi - lo).max_position();
             group.sort_by(|a, b| a.centre()[axis].total_cmp(&b.centre()[axis]));
             let tail = group.split_off(group.len() / 2);

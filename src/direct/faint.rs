@@ -48,9 +48,8 @@ impl<'a> Faint<'a> {
     fn block_of(&self, element: u32) -> usize {
         let chart = self.elements.chart[element as usize] as usize;
         let texel = self.elements.texel[element as usize];
-        let inside = |b: &Block| {
-            (b.min[0]..b.max[0]).contains(&texel.x) && (b.min[1]..b.max[1]).contains(&texel.y)
-        };
+        let inside =
+            |b: &Block| (b.min[0]..b.max[0]).contains(&texel.x) && (b.min[1]..b.max[1]).contains(&texel.y);
         let (from, to) = (self.first_block[chart] as usize, self.first_block[chart + 1] as usize);
         from + self.direct.blocks[from..to].iter().position(inside).unwrap_or(0)
     }
@@ -86,7 +85,9 @@ impl<'a> Faint<'a> {
                 at += 1;
             }
             let Some((_, k, irradiance)) = open.get(at) else { break };
-            let Some(shadow) = self.emitters.emitters[*k].shadow_ray(&receiver, [p[2], p[3]]) else { continue };
+            let Some(shadow) = self.emitters.emitters[*k].shadow_ray(&receiver, [p[2], p[3]]) else {
+                continue;
+            };
             sum += irradiance.0 / irradiance.mean() * tracer.transmittance(&shadow.ray);
         }
         let rays = if open.is_empty() { 0 } else { self.points.len() as u64 };

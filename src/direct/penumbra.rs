@@ -23,7 +23,9 @@ impl Patterns {
         // One stratified set over all phases, dealt out so that each phase gets a spread-out share.
         let all = sobol4(probe_rays * phases as u32, 0, 1);
         let probe = (0..phases)
-            .map(|k| (0..probe_rays as usize).map(|i| [all[i * phases + k][0], all[i * phases + k][1]]).collect())
+            .map(|k| {
+                (0..probe_rays as usize).map(|i| [all[i * phases + k][0], all[i * phases + k][1]]).collect()
+            })
             .collect();
         let base = sobol4(options.penumbra_rays.max(4), 0, 2);
         let refine = (0..phases)

@@ -58,7 +58,8 @@ impl Emitter for PointEmitter {
     fn unoccluded(&self, receiver: &Receiver) -> Irradiance {
         let to_lamp = self.position_world - receiver.position_world;
         let distance_squared = to_lamp.length_squared();
-        if !(distance_squared > 0.0 && distance_squared.is_finite()) || to_lamp.dot(receiver.normal_geometric) <= 0.0
+        if !(distance_squared > 0.0 && distance_squared.is_finite())
+            || to_lamp.dot(receiver.normal_geometric) <= 0.0
         {
             return Irradiance::ZERO;
         }

@@ -20,7 +20,9 @@ pub fn split(sky: &Sky) -> (Vec<SunEmitter>, Sky) {
         (edge(y) - edge(y + 1)) * 2.0 * PI / w as f32
     };
     let mean = (0..h)
-        .map(|y| (0..w).map(|x| f64::from(image.pixel(x, y).mean())).sum::<f64>() * f64::from(row_solid_angle(y)))
+        .map(|y| {
+            (0..w).map(|x| f64::from(image.pixel(x, y).mean())).sum::<f64>() * f64::from(row_solid_angle(y))
+        })
         .sum::<f64>() as f32
         / (4.0 * PI);
     let limit = BRIGHT * mean;
@@ -89,9 +91,9 @@ fn cut(cells: Vec<Cell>, most: usize) -> Vec<Vec<Cell>> {
 }
 
 fn bounds(cells: &[Cell]) -> (Vec3, Vec3) {
-    cells.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), c| {
-        (lo.min(c.direction), hi.max(c.direction))
-    })
+    cells
+        .iter()
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), c| (lo.min(c.direction), hi.max(c.direction)))
 }
 
 fn spread(cells: &[Cell]) -> f32 {

@@ -98,7 +98,10 @@ pub(super) fn encode(
 ) -> Result<Encoded> {
     let size = size as usize;
     if size == 0 || size.checked_mul(size) != Some(value.len()) {
-        return Err(Error::invalid(at, format!("{} texels do not make a square page of {size}", value.len())));
+        return Err(Error::invalid(
+            at,
+            format!("{} texels do not make a square page of {size}", value.len()),
+        ));
     }
     let limit = if full_float { f32::MAX } else { HALF_MAX };
     let mut mended = Mended::default();
@@ -112,7 +115,8 @@ pub(super) fn encode(
         };
         e::AnyChannel::new(name, samples)
     };
-    let channels = e::AnyChannels::sort(["R", "G", "B"].iter().zip(0..).map(|(n, i)| channel(n, i)).collect());
+    let channels =
+        e::AnyChannels::sort(["R", "G", "B"].iter().zip(0..).map(|(n, i)| channel(n, i)).collect());
     let mut bytes = file(at, size, header, channels)?;
     sort_attributes(&mut bytes);
     Ok(Encoded { bytes, mended })
@@ -129,12 +133,7 @@ pub(super) fn lawful(value: Vec3, limit: f32, mended: &mut Mended) -> Vec3 {
     Vec3::from_array(channels.map(|c| if c > 0.0 { c.min(limit) } else { 0.0 }))
 }
 
-fn file(
-    at: &str,
-    size: usize,
-    header: &Header,
-    channels: e::AnyChannels<e::FlatSamples>,
-) -> Result<Vec<u8>> {
+fn file(at: &str, size: usize, header: &Header, channels: e::AnyChannels<e::FlatSamples>) -> Result<Vec<u8>> {
     let text = |s: &str| e::Text::from_bytes_unchecked(s.as_bytes().into());
     let mut own = e::LayerAttributes::default();
     if !header.software.is_empty() {
@@ -228,7 +227,10 @@ pub fn decode_exr(at: &str, bytes: &[u8]) -> Result<ExrImage> {
         let depth: usize = header.channels.list.iter().map(|c| c.sample_type.bytes_per_sample()).sum();
         let claim = (w as u64).saturating_mul(h as u64).saturating_mul(depth as u64);
         if w > WIDEST || h > WIDEST || claim > MOST_EXPANSION * bytes.len() as u64 {
-            return Err(Error::invalid(at, format!("its header claims {w} × {h} pixels, more than the file holds")));
+            return Err(Error::invalid(
+                at,
+                format!("its header claims {w} × {h} pixels, more than the file holds"),
+            ));
         }
     }
     let image = e::read()
@@ -359,7 +361,8 @@ mod tests {
                 let _ = decode_exr("page", &bad);
             }
         }
-        let window = good.windows(10).position(|w| w == b"dataWindow").unwrap() + b"dataWindow\0box2i\0".len() + 4;
+        let window =
+            good.windows(10).position(|w| w == b"dataWindow").unwrap() + b"dataWindow\0box2i\0".len() + 4;
         let mut huge = good.clone();
         huge[window + 8..window + 12].copy_from_slice(&60_000i32.to_le_bytes());
         huge[window + 12..window + 16].copy_from_slice(&60_000i32.to_le_bytes());

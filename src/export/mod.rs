@@ -88,7 +88,9 @@ pub fn write(
         Some(path) => Some(preview::target(document, path, &target)?),
         None => None,
     };
-    for (target, kind) in std::iter::once((&target, "lightmap")).chain(preview.iter().map(|p| (p, preview::KIND))) {
+    for (target, kind) in
+        std::iter::once((&target, "lightmap")).chain(preview.iter().map(|p| (p, preview::KIND)))
+    {
         let pages = (0..lightmap.pages.len()).map(|number| page_name(target, kind, number));
         batch.reserve(pages.chain([buffer_name(target)]).map(|name| target.beside(&name)));
         batch.reserve([target.path.clone()]);
@@ -167,8 +169,12 @@ fn encode_pages(
     warnings: &mut Vec<Warning>,
 ) -> Result<Pages> {
     let exported = atlas.pages.iter().filter(|page| page.exported).count();
-    let fits = atlas.pages.iter().zip(&lightmap.pages).all(|(page, light)| page.size_texels == light.size_texels);
-    if lightmap.pages.len() != exported || !fits || !atlas.pages.iter().take(exported).all(|page| page.exported) {
+    let fits =
+        atlas.pages.iter().zip(&lightmap.pages).all(|(page, light)| page.size_texels == light.size_texels);
+    if lightmap.pages.len() != exported
+        || !fits
+        || !atlas.pages.iter().take(exported).all(|page| page.exported)
+    {
         let what = "the pages of light are not those of the atlas; this is a fault of the program";
         return Err(Error::invalid(target.path.display().to_string(), what));
     }
@@ -226,8 +232,9 @@ fn header(
     .map(|(name, value)| (format!("lightkiln.{name}"), value))
     .into();
     let convergence = metadata.convergence.iter();
-    attributes
-        .extend(convergence.map(|(name, value)| (format!("lightkiln.convergence.{name}"), Attribute::Double(*value))));
+    attributes.extend(
+        convergence.map(|(name, value)| (format!("lightkiln.convergence.{name}"), Attribute::Double(*value))),
+    );
     Header { attributes, software: metadata.generator.clone() }
 }
 

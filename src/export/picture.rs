@@ -75,7 +75,8 @@ fn srgb(linear: f32) -> u8 {
 }
 
 fn png(at: &str, rgb: &[u8], width: usize, height: usize) -> Result<Vec<u8>> {
-    let failed = |error: image::ImageError| Error::invalid(at, format!("the PNG could not be encoded: {error}"));
+    let failed =
+        |error: image::ImageError| Error::invalid(at, format!("the PNG could not be encoded: {error}"));
     let side = |n: usize| u32::try_from(n).map_err(|_| Error::invalid(at, "too large for a PNG"));
     let mut out = Vec::new();
     PngEncoder::new(&mut out)
@@ -112,9 +113,8 @@ mod tests {
 
     #[test]
     fn the_picture_shows_pages_side_by_side() {
-        let lightmap = Lightmap {
-            pages: vec![page(2, vec![Vec3::splat(4.0); 4]), page(1, vec![Vec3::ZERO])],
-        };
+        let lightmap =
+            Lightmap { pages: vec![page(2, vec![Vec3::splat(4.0); 4]), page(1, vec![Vec3::ZERO])] };
         let (w, h, found) = pixels(&picture_png(&lightmap).unwrap());
         assert_eq!((w, h), (3, 2));
         assert_eq!(found, [[255; 3], [255; 3], [0; 3], [255; 3], [255; 3], [0; 3]]);

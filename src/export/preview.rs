@@ -23,7 +23,10 @@ pub(super) const KIND: &str = "radiance";
 pub(super) fn target(document: &Document, path: &Path, main: &Target) -> Result<Target> {
     let target = Target::new(document, Some(path))?;
     if target.path == main.path {
-        return Err(Error::invalid(path.display().to_string(), "the preview needs another name than the output"));
+        return Err(Error::invalid(
+            path.display().to_string(),
+            "the preview needs another name than the output",
+        ));
     }
     Ok(target)
 }
@@ -48,7 +51,8 @@ impl Job<'_> {
             encode_pages(target, KIND, self.atlas, self.radiance, self.metadata, self.options, warnings)?;
         let carrier = Carrier::radiance(&mut edit, &pages.files);
         gltf::dress(&mut edit, self.scene, self.atlas, &carrier)?;
-        let dark = ExportOptions { lamps: LampsOut::Remove, light: LightPart::Full, ..ExportOptions::default() };
+        let dark =
+            ExportOptions { lamps: LampsOut::Remove, light: LightPart::Full, ..ExportOptions::default() };
         gltf::settle_lamps(&mut edit, self.baked_scene, &dark);
         // The baked file has said it all.
         edit.warnings.clear();

@@ -59,7 +59,10 @@ impl Target {
             return Err(Error::invalid(at(), "the output needs a file name"));
         };
         if same_file(&path, &document.path) {
-            return Err(Error::invalid(at(), "this is the input, which is never changed: choose another output"));
+            return Err(Error::invalid(
+                at(),
+                "this is the input, which is never changed: choose another output",
+            ));
         }
         Ok(Self { path, stem, form })
     }
@@ -136,7 +139,10 @@ pub(super) fn bring_resources(
             copies.insert(copy, (source, bytes));
             return None;
         }
-        if uri::stays_inside(&way) && !batch.has(&copy) && std::fs::read(&copy).is_ok_and(|there| there == bytes) {
+        if uri::stays_inside(&way)
+            && !batch.has(&copy)
+            && std::fs::read(&copy).is_ok_and(|there| there == bytes)
+        {
             return None;
         }
         let (folder, file) = (to.canonicalize().ok()?, source.canonicalize().ok()?);

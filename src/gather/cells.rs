@@ -58,8 +58,7 @@ pub(super) fn fill<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
         nodes: 0,
         rays: 0,
     };
-    let wanted: u64 =
-        elements.charts.iter().filter(|c| c.exported).map(|c| c.elements.len() as u64).sum();
+    let wanted: u64 = elements.charts.iter().filter(|c| c.exported).map(|c| c.elements.len() as u64).sum();
     progress.restart(wanted);
     if options.tolerance <= 0.0 {
         let all: Vec<u32> = exported(elements).collect();
@@ -69,7 +68,8 @@ pub(super) fn fill<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
         let floor = DARK_SHARE * mean_light(elements, &direct.irradiance, coarse);
         let mut cells = roots(elements, &direct.blocks, options.widest_cell.clamp(1, 256) as u16);
         while !cells.is_empty() && !progress.cancelled() {
-            cells = round(elements, &direct.irradiance, around, set, options, floor, cells, &mut state, progress);
+            cells =
+                round(elements, &direct.irradiance, around, set, options, floor, cells, &mut state, progress);
         }
     }
     Indirect { nodes: state.nodes, rays: state.rays, irradiance: state.value }
@@ -276,7 +276,8 @@ impl Judge<'_> {
         if !(0..4).all(straight) {
             return None;
         }
-        let texel_m = 2.0 * self.elements.half_u_world[middle].length().max(self.elements.half_v_world[middle].length());
+        let texel_m = 2.0
+            * self.elements.half_u_world[middle].length().max(self.elements.half_v_world[middle].length());
         let width_m = texel_m * f32::from(width.max(height));
         let nearest = e.iter().map(|&e| self.state.distance_m[e]).fold(f32::INFINITY, f32::min);
         if nearest < CONTACT_WIDTHS * width_m {
@@ -305,10 +306,11 @@ impl Judge<'_> {
             })
             .collect();
         let (at, du, dv) = plane(&points);
-        points
-            .iter()
-            .all(|&(x, y, v)| agrees(v - (at + du * x + dv * y)))
-            .then_some(Surface::Plane { at, du, dv })
+        points.iter().all(|&(x, y, v)| agrees(v - (at + du * x + dv * y))).then_some(Surface::Plane {
+            at,
+            du,
+            dv,
+        })
     }
 
     /// Where an element lies in the cell, `[0, 1]²`.
@@ -333,7 +335,8 @@ fn bilinear(corner: &[Vec3; 4], s: f32, t: f32) -> Vec3 {
 /// Least-squares plane through values; a touch of damping keeps it flat where the points do not fix it.
 fn plane(points: &[(f32, f32, Vec3)]) -> (Vec3, Vec3, Vec3) {
     let n = points.len() as f32;
-    let mean = points.iter().fold((0.0, 0.0, Vec3::ZERO), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n, m.2 + p.2 / n));
+    let mean =
+        points.iter().fold((0.0, 0.0, Vec3::ZERO), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n, m.2 + p.2 / n));
     let (mut xx, mut xy, mut yy) = (0.0_f32, 0.0_f32, 0.0_f32);
     let (mut xv, mut yv) = (Vec3::ZERO, Vec3::ZERO);
     for &(x, y, v) in points {
@@ -351,7 +354,12 @@ fn plane(points: &[(f32, f32, Vec3)]) -> (Vec3, Vec3, Vec3) {
     (mean.2 - du * mean.0 - dv * mean.1, du, dv)
 }
 
-fn interpolate(elements: &Elements, cell: &Cell, surface: &Surface, known: &[bool]) -> Vec<(u32, Irradiance)> {
+fn interpolate(
+    elements: &Elements,
+    cell: &Cell,
+    surface: &Surface,
+    known: &[bool],
+) -> Vec<(u32, Irradiance)> {
     if matches!(surface, Surface::Known) {
         return Vec::new();
     }

@@ -59,7 +59,8 @@ impl SummedArea {
         let mut sum = vec![(DVec3::ZERO, 0); (width + 1) * (height + 1)];
         for y in 0..height {
             let mut row = (DVec3::ZERO, 0);
-            let texels = (usize::from(chart.min[1]) + y) * page.size_texels as usize + usize::from(chart.min[0]);
+            let texels =
+                (usize::from(chart.min[1]) + y) * page.size_texels as usize + usize::from(chart.min[0]);
             for x in 0..width {
                 let e = page.element[texels + x];
                 if e != NO_ELEMENT && chart.elements.contains(&e) {

@@ -202,12 +202,15 @@ impl<'a> Edit<'a> {
         let mut bin = bin(self.document).map(|old| vec![Piece::Old(old)]);
         let mut buffer = None;
         match self.home {
-            Home::Bin if bin.is_some() || old.len() + added.len() > 0 => bin = Some(grown(old, added, self.base)),
+            Home::Bin if bin.is_some() || old.len() + added.len() > 0 => {
+                bin = Some(grown(old, added, self.base))
+            }
             Home::Unpacked => buffer = Some(grown(old, added, self.base)),
             Home::File if !added.is_empty() => buffer = Some(vec![Piece::New(added)]),
             _ => {}
         }
-        let text = |error: serde_json::Error| Error::invalid(at, format!("the JSON cannot be written: {error}"));
+        let text =
+            |error: serde_json::Error| Error::invalid(at, format!("the JSON cannot be written: {error}"));
         let gltf = match self.form {
             Form::Json => vec![Piece::New(serde_json::to_vec_pretty(&self.json).map_err(text)?)],
             Form::Binary => {
@@ -236,8 +239,10 @@ impl<'a> Edit<'a> {
     fn warn_of_lost_chunks(&mut self, bin_is_first: bool) {
         let Container::Binary { bin, other_chunks } = &self.document.container else { return };
         let orphan = bin.is_some() && !bin_is_first;
-        let names = other_chunks.iter().map(|(kind, _)| String::from_utf8_lossy(&kind.to_le_bytes()).into_owned());
-        let lost: Vec<String> = orphan.then(|| "BIN (no buffer uses it)".to_owned()).into_iter().chain(names).collect();
+        let names =
+            other_chunks.iter().map(|(kind, _)| String::from_utf8_lossy(&kind.to_le_bytes()).into_owned());
+        let lost: Vec<String> =
+            orphan.then(|| "BIN (no buffer uses it)".to_owned()).into_iter().chain(names).collect();
         if !lost.is_empty() {
             let what = format!(
                 "a .gltf cannot hold the chunks {} of this .glb, so they were left out: write a .glb to keep them",
@@ -255,9 +260,9 @@ pub(in super::super) fn items<'a>(json: &'a Value, array: &str) -> &'a [Value] {
 
 /// An index, also where it is written as 1.0.
 pub(in super::super) fn index(value: &Value) -> Option<usize> {
-    let whole = value.as_u64().or_else(|| {
-        value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..9e15).contains(x)).map(|x| x as u64)
-    });
+    let whole = value
+        .as_u64()
+        .or_else(|| value.as_f64().filter(|x| x.fract() == 0.0 && (0.0..9e15).contains(x)).map(|x| x as u64));
     whole.and_then(|n| usize::try_from(n).ok())
 }
 
@@ -347,5 +352,6 @@ fn is_fallback(buffer: &Value) -> bool {
 
 fn only_data_uris(buffers: &[Value]) -> bool {
     let mut uris = buffers.iter().filter_map(|buffer| buffer.get("uri")?.as_str()).peekable();
-    uris.peek().is_some() && uris.all(|uri| uri.get(..5).is_some_and(|start| start.eq_ignore_ascii_case("data:")))
+    uris.peek().is_some()
+        && uris.all(|uri| uri.get(..5).is_some_and(|start| start.eq_ignore_ascii_case("data:")))
 }

@@ -46,7 +46,8 @@ fn expand_node(edit: &mut Edit, node: usize) -> Result<Vec<usize>> {
     let given = items(&edit.document.json, "nodes").get(node);
     let mesh = given.and_then(|node| index_at(node, "mesh"));
     let weights = given.and_then(|node| node.get("weights")).cloned();
-    let custom: Vec<&str> = columns.iter().map(|column| column.0).filter(|name| name.starts_with('_')).collect();
+    let custom: Vec<&str> =
+        columns.iter().map(|column| column.0).filter(|name| name.starts_with('_')).collect();
     if !custom.is_empty() {
         let what = format!(
             "its {count} instances became nodes; their attributes {} are in these nodes' extras now, as \"instance\"",

@@ -57,7 +57,8 @@ fn tag(edit: &mut Edit, lit: &[(usize, usize)]) {
     let list = edit.json.get_mut("extensions").and_then(|all| all.get_mut(LAMPS)?.get_mut("lights"));
     if let Some(list) = list.and_then(Value::as_array_mut) {
         for lamp in lamps {
-            let tagged = list.get_mut(lamp).is_some_and(|l| super::append::merge_extras(l, "baked", json!(true)));
+            let tagged =
+                list.get_mut(lamp).is_some_and(|l| super::append::merge_extras(l, "baked", json!(true)));
             if !tagged {
                 refused.push(lamp);
             }

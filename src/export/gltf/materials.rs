@@ -1,7 +1,7 @@
 //! Which material a lightmapped primitive wears: the file's own where every user of it shares one page, else a copy.
 
-use super::append::{Edit, items};
 use super::super::carrier::Carrier;
+use super::append::{Edit, items};
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -37,7 +37,9 @@ impl<'c> Wardrobe<'c> {
             None => self.carrier.lit(&Map::from_iter([("name".to_owned(), json!("default"))]), page, set)?,
         };
         let in_place = material.zip(original).filter(|(index, original)| {
-            self.carrier.keeps(original) && !self.shared_outside.contains(index) && !self.taken.contains(index)
+            self.carrier.keeps(original)
+                && !self.shared_outside.contains(index)
+                && !self.taken.contains(index)
         });
         let index = match in_place {
             Some((index, _)) => {

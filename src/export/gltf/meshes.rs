@@ -96,7 +96,8 @@ fn wearers<'a>(edit: &Edit, scene: &Scene, atlas: &'a Atlas) -> Result<Vec<Weare
         let json = &edit.document.json;
         let node = items(json, "nodes").get(origin.node).filter(|node| node.is_object());
         let mesh = items(json, "meshes").get(origin.mesh);
-        let primitive = mesh.and_then(|mesh| mesh.get("primitives")?.get(origin.primitive)?.get("attributes"));
+        let primitive =
+            mesh.and_then(|mesh| mesh.get("primitives")?.get(origin.primitive)?.get("attributes"));
         if node.is_none() || !primitive.is_some_and(Value::is_object) {
             return Err(foreign(&origin.name));
         }

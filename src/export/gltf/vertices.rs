@@ -76,7 +76,10 @@ impl Splitter {
             || unwrap.source_vertex.iter().any(|&source| source as usize >= vertex_count)
             || unwrap.triangles.iter().flatten().any(|&corner| corner >= unwrapped)
         {
-            return Err(Error::invalid(at, "its unwrap belongs to another mesh; this is a fault of the program"));
+            return Err(Error::invalid(
+                at,
+                "its unwrap belongs to another mesh; this is a fault of the program",
+            ));
         }
         let object = &edit.document.json["meshes"][mesh]["primitives"][primitive];
         let named = |set: Option<&Value>, name: &str| set.and_then(|set| index_at(set, name));
