@@ -83,7 +83,7 @@ fn no_lookup_and_no_mip_reads_black_or_beyond_the_charts_range() {
     let elements = stand.elements();
     let noise: Vec<f32> = scatter(3).take(elements.len()).map(|x| 1.0 + x).collect();
     let irradiance = light(&elements, |e| noise[e]);
-    // One seam joins the noise of two charts; without it the range of the means is exact.
+    // The noise is between 1 and 2; of all there is only means of it, but for the seam inside the slanted piece.
     let page = &run(&stand, &elements, &irradiance).pages[0];
     for v in &page.value {
         assert!(v.is_finite() && v.x > 0.9 && v.x < 2.1, "{v}");
@@ -164,7 +164,7 @@ fn strip(angle: f32) -> Piece {
     left.and(right)
 }
 
-/// Root mean square difference of lookups on both sides of the strip's fold, and of `before`.
+/// Root mean square difference of lookups on both sides of the strip's fold.
 fn along_fold(piece: &Piece, page: &LightmapPage) -> f64 {
     let on_page = |p: Vec3, chart: u32| {
         let (vertices, _): (Vec<_>, Vec<_>) = piece
