@@ -118,10 +118,10 @@ pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
         let interrupted = run.cancel.load(Ordering::Relaxed);
         let (lightmap, radiance) = log.stage(Stage::Resolve, 1, |_| {
             let part = lit.part(options.export.light);
-            let lightmap = resolve::resolve(&lit.elements, &lit.atlas, &part, options.export.store);
+            let lightmap = resolve::resolve(&scene, &lit.elements, &lit.atlas, &part, options.export.store);
             let radiance = options.export.preview.as_ref().map(|_| {
                 let all = lit.part(LightPart::Full);
-                resolve::resolve(&lit.elements, &lit.atlas, &all, Store::Radiosity).scaled(1.0 / PI)
+                resolve::resolve(&scene, &lit.elements, &lit.atlas, &all, Store::Radiosity).scaled(1.0 / PI)
             });
             Ok(((lightmap, radiance), 0))
         })?;

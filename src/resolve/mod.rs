@@ -1,14 +1,24 @@
 //! Light per element -> pages: seams, dilation, validity, the stored unit.
 
+mod canvas;
+mod dilate;
+mod seams;
+mod stitch;
+#[cfg(test)]
+mod tests;
+
 use crate::atlas::Atlas;
 use crate::elements::{Elements, NO_ELEMENT};
 use crate::options::Store;
-use crate::units::Irradiance;
+use crate::scene::Scene;
+use crate::units::{Irradiance, Radiosity, Reflectance};
+use canvas::Canvas;
 use glam::Vec3;
+use rayon::prelude::*;
 use std::f32::consts::PI;
 
 /// One page, ready to be written.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LightmapPage {
     /// Width and height.
     pub size_texels: u32,
@@ -19,69 +29,81 @@ pub struct LightmapPage {
 }
 
 /// All exported pages, in the atlas' order.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Lightmap {
     /// The pages.
     pub pages: Vec<LightmapPage>,
 }
 
 impl Lightmap {
-    /// Every value times `factor`.
+    /// The same with every value multiplied.
     pub fn scaled(mut self, factor: f32) -> Self {
-        self.pages.iter_mut().for_each(|p| p.value.iter_mut().for_each(|v| *v *= factor));
+        for page in &mut self.pages {
+            page.value.par_iter_mut().for_each(|value| *value *= factor);
+        }
         self
     }
 }
 
-/// TEMPORARY.
-pub fn resolve(elements: &Elements, atlas: &Atlas, irradiance: &[Irradiance], store: Store) -> Lightmap {
-    let mut pages = Vec::new();
-    for (index, page) in atlas.pages.iter().enumerate().filter(|(_, p)| p.exported) {
-        let n = page.size_texels as usize;
-        let map = &elements.pages[index];
-        let mut value = vec![Vec3::ZERO; n * n];
-        let mut known = vec![false; n * n];
-        let mut covered = vec![false; n * n];
-        for (t, &e) in map.element.iter().enumerate() {
-            if e != NO_ELEMENT {
-                covered[t] = true;
-                let e = e as usize;
-                if elements.valid[e] {
-                    known[t] = true;
-                    value[t] = match store {
-                        Store::IrradianceOverPi => irradiance[e].0 / PI,
-                        Store::Irradiance => irradiance[e].0,
-                        Store::Radiosity => (elements.reflectance[e] * irradiance[e]).0,
-                    };
-                }
-            }
-        }
-        for _ in 0..16 {
-            let before = (known.clone(), value.clone());
-            for y in 0..n {
-                for x in 0..n {
-                    if before.0[y * n + x] {
-                        continue;
-                    }
-                    let (mut sum, mut count) = (Vec3::ZERO, 0.0);
-                    for (dx, dy) in [(-1i32, 0i32), (1, 0), (0, -1), (0, 1), (-1, -1), (1, 1), (-1, 1), (1, -1)] {
-                        let (a, b) = (x as i32 + dx, y as i32 + dy);
-                        if a >= 0 && b >= 0 && (a as usize) < n && (b as usize) < n {
-                            let t = b as usize * n + a as usize;
-                            if before.0[t] {
-                                sum += before.1[t];
-                                count += 1.0;
-                            }
-                        }
-                    }
-                    if count > 0.0 {
-                        known[y * n + x] = true;
-                        value[y * n + x] = sum / count;
-                    }
-                }
-            }
-        }
-        pages.push(LightmapPage { size_texels: page.size_texels, value, covered });
+/// Makes the exported pages from the irradiance of every element.
+///
+/// Invalid elements, and those whose irradiance is not finite, take the value of the nearest valid ones of their
+/// chart. Borders of charts that are one smooth edge of the surface are made equal for bilinear lookups; a crease is
+/// not touched. All other texels are filled from the charts around them, so that neither a bilinear lookup nor a
+/// smaller copy of the page darkens a border.
+pub fn resolve(
+    scene: &Scene,
+    elements: &Elements,
+    atlas: &Atlas,
+    irradiance: &[Irradiance],
+    store: Store,
+) -> Lightmap {
+    let exported = (0..).zip(&atlas.pages).filter(|(_, page)| page.exported).map(|(i, _)| i);
+    let exported: Vec<u32> = exported.filter(|&i: &u32| (i as usize) < elements.pages.len()).collect();
+    let mut canvases: Vec<Canvas> =
+        exported.par_iter().map(|&page| Canvas::new(elements, irradiance, page)).collect();
+
+    let covered =
+        |canvas: usize, texel: usize| elements.pages[exported[canvas] as usize].element[texel] != NO_ELEMENT;
+    stitch::stitch(&mut canvases, &seams::seams(scene, atlas), covered);
+
+    let emission = match store {
+        Store::Radiosity => emission(elements),
+        Store::Irradiance | Store::IrradianceOverPi => Vec::new(),
+    };
+    let of = |irradiance: Irradiance, reflectance: Reflectance, emitted: Radiosity| match store {
+        Store::IrradianceOverPi => irradiance.0 / PI,
+        Store::Irradiance => irradiance.0,
+        Store::Radiosity => (reflectance * irradiance + emitted).0,
+    };
+    let finish = |canvas: Canvas| finish(canvas, elements, &emission, of);
+    Lightmap { pages: canvases.into_par_iter().map(finish).collect() }
+}
+
+/// Emitted radiosity of every element, e = πL.
+fn emission(elements: &Elements) -> Vec<Radiosity> {
+    let mut all = vec![Radiosity::ZERO; elements.len()];
+    for &(e, radiance) in &elements.emission {
+        all[e as usize] = radiance.to_radiosity();
     }
-    Lightmap { pages }
+    all
+}
+
+fn finish(
+    mut canvas: Canvas,
+    elements: &Elements,
+    emission: &[Radiosity],
+    of: impl Fn(Irradiance, Reflectance, Radiosity) -> Vec3,
+) -> LightmapPage {
+    canvas.store(elements, emission, of);
+    dilate::dilate(&mut canvas);
+    let map = &elements.pages[canvas.page as usize];
+    let lawful =
+        |v: Vec3| Vec3::from_array(v.to_array().map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 }));
+    canvas.value.par_iter_mut().for_each(|value| *value = lawful(*value));
+    LightmapPage {
+        size_texels: map.size_texels,
+        value: canvas.value,
+        covered: map.element.iter().map(|&e| e != NO_ELEMENT).collect(),
+    }
 }
