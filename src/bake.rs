@@ -79,10 +79,8 @@ impl Lit {
     fn atlas_report(&self) -> AtlasReport {
         let exported = self.elements.charts.iter().filter(|c| c.exported);
         let texels = exported.clone().map(|c| c.elements.len() as u64).sum();
-        let invalid = exported
-            .flat_map(|c| c.elements.clone())
-            .filter(|&e| !self.elements.valid[e as usize])
-            .count();
+        let invalid =
+            exported.flat_map(|c| c.elements.clone()).filter(|&e| !self.elements.valid[e as usize]).count();
         let pages = self.atlas.pages.iter().filter(|p| p.exported);
         AtlasReport {
             pages: pages.clone().count() as u32,
@@ -107,11 +105,11 @@ impl Lit {
 /// Bakes a file: reads it, lights it, writes the result, tells what was done.
 pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
     let started = (run.clock)();
+    let output = export::output_path(input, &options.export)?;
     in_pool(run.threads, || {
         let mut log = Log::new(run);
         let (document, scene) = log.stage(Stage::Import, 1, |_| {
             let (document, scene) = import::load(input, &options.import)?;
-            export::check(&document, &options.export)?;
             Ok(((document, scene), 0))
         })?;
         let lit = light_into(&scene, options, &mut log)?;
@@ -128,15 +126,26 @@ pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
         let written = log.stage(Stage::Export, 1, |_| {
             let metadata = metadata(options, &scene, &lit);
             let radiance = radiance.as_ref();
-            let written =
-                export::write(&document, &scene, &lit.atlas, &lightmap, radiance, &metadata, &options.export)?;
+            let written = export::write(
+                &document,
+                &scene,
+                &lit.atlas,
+                &lightmap,
+                radiance,
+                &metadata,
+                &options.export,
+            )?;
             Ok((written, 0))
         })?;
         let warnings = [scene.warnings.clone(), lit.warnings.clone(), written.warnings].concat();
         Ok(Report {
             version: env!("CARGO_PKG_VERSION"),
             input: input.to_owned(),
-            outputs: written.files.into_iter().rev().collect(),
+            outputs: [&output]
+                .into_iter()
+                .chain(written.files.iter().filter(|f| **f != output))
+                .cloned()
+                .collect(),
             interrupted,
             settings: options.clone(),
             lamp_units: scene.lamp_units,

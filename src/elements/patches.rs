@@ -59,9 +59,9 @@ impl Patches {
     }
 }
 
-/// Cuts every chart into square blocks of comparable area, about `wanted` in all; curved charts more finely. Where
-/// there are more charts than patches, small neighbouring ones share a patch: of one surface and direction first, of
-/// any surface where that does not suffice. Never more than 2 × `wanted` + 1; ordered by their first element.
+/// Cuts every chart into square blocks of comparable area, about `wanted` in all; curved charts more finely, and at
+/// least one a chart. Where that makes more than 65,536, small neighbouring ones share a patch: of one surface and
+/// direction first, of any surface where that does not suffice. Ordered by their first element.
 pub fn patches(elements: &Elements, wanted: u32) -> Patches {
     let wanted = wanted.max(1);
     let (order, cells, target) = cells(elements, wanted);

@@ -89,18 +89,13 @@ impl Canvas {
     fn fill_invalid(&mut self, elements: &Elements, left: Vec<usize>) {
         let map = &elements.pages[self.page as usize];
         let chart = |texel: usize| elements.chart[map.element[texel] as usize];
-        let beside: Vec<Option<Vec3>> = left
+        let beside: Vec<Vec3> = left
             .iter()
-            .map(|&texel| self.mean(texel, |other| self.owner[other] == chart(texel)))
+            .map(|&texel| self.mean(texel, |other| self.owner[other] == chart(texel)).unwrap_or(Vec3::ZERO))
             .collect();
-        let mut lit = vec![false; elements.charts.len()];
-        beside.iter().zip(&left).filter(|(mean, _)| mean.is_some()).for_each(|(_, &t)| lit[chart(t) as usize] = true);
-        for (&texel, mean) in left.iter().zip(beside) {
-            let own = chart(texel);
-            if lit[own as usize] {
-                self.value[texel] = mean.unwrap_or(Vec3::ZERO);
-                self.owner[texel] = own;
-            }
+        for (&texel, value) in left.iter().zip(beside) {
+            self.value[texel] = value;
+            self.owner[texel] = chart(texel);
         }
     }
 
