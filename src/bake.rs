@@ -79,10 +79,8 @@ impl Lit {
     fn atlas_report(&self) -> AtlasReport {
         let exported = self.elements.charts.iter().filter(|c| c.exported);
         let texels = exported.clone().map(|c| c.elements.len() as u64).sum();
-        let invalid = exported
-            .flat_map(|c| c.elements.clone())
-            .filter(|&e| !self.elements.valid[e as usize])
-            .count();
+        let invalid =
+            exported.flat_map(|c| c.elements.clone()).filter(|&e| !self.elements.valid[e as usize]).count();
         let pages = self.atlas.pages.iter().filter(|p| p.exported);
         AtlasReport {
             pages: pages.clone().count() as u32,
@@ -128,8 +126,15 @@ pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
         let written = log.stage(Stage::Export, 1, |_| {
             let metadata = metadata(options, &scene, &lit);
             let radiance = radiance.as_ref();
-            let written =
-                export::write(&document, &scene, &lit.atlas, &lightmap, radiance, &metadata, &options.export)?;
+            let written = export::write(
+                &document,
+                &scene,
+                &lit.atlas,
+                &lightmap,
+                radiance,
+                &metadata,
+                &options.export,
+            )?;
             Ok((written, 0))
         })?;
         let warnings = [scene.warnings.clone(), lit.warnings.clone(), written.warnings].concat();

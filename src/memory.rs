@@ -29,7 +29,8 @@ pub fn predict(scene: &Scene, atlas: &Atlas, patches: u32) -> u64 {
         })
         .sum();
     let triangles: u64 = scene.surfaces.iter().map(|s| scene.geometry(s).triangles.len() as u64).sum();
-    let textures: u64 = scene.textures.iter().map(|t| u64::from(t.size()[0]) * u64::from(t.size()[1]) * 4).sum();
+    let textures: u64 =
+        scene.textures.iter().map(|t| u64::from(t.size()[0]) * u64::from(t.size()[1]) * 4).sum();
     BASE + texels * PER_TEXEL
         + lit * PER_ELEMENT
         + triangles * PER_TRIANGLE

@@ -9,11 +9,7 @@ use rayon::prelude::*;
 ///
 /// A box filter over cells of its own width is the linear interpolation between their centres, and a window clipped
 /// by the chart keeps light from leaking across its border.
-pub fn spread_over_elements(
-    elements: &Elements,
-    patches: &Patches,
-    value: &[Irradiance],
-) -> Vec<Irradiance> {
+pub fn spread_over_elements(elements: &Elements, patches: &Patches, value: &[Irradiance]) -> Vec<Irradiance> {
     let patch_of_element = &patches.patch_of_element;
     // Elements outside any patch are buried; nobody looks them up.
     let of = |patch: u32| value.get(patch as usize).copied().unwrap_or(Irradiance::ZERO);

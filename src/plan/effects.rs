@@ -6,7 +6,8 @@ use crate::scene::{Alpha, LampKind, Scene};
 /// Lists every effect with its reason.
 pub fn effects(scene: &Scene, sides: &[Sides]) -> Vec<Effect> {
     let lamps = |what: &str, kind: &dyn Fn(&LampKind) -> bool| {
-        let names: Vec<&str> = scene.lamps.iter().filter(|l| kind(&l.kind)).map(|l| l.name.as_str()).collect();
+        let names: Vec<&str> =
+            scene.lamps.iter().filter(|l| kind(&l.kind)).map(|l| l.name.as_str()).collect();
         if names.is_empty() {
             (false, format!("the scene has no {what}"))
         } else {
@@ -33,7 +34,10 @@ pub fn effects(scene: &Scene, sides: &[Sides]) -> Vec<Effect> {
     add("suns", lamps("sun", &|k| matches!(k, LampKind::Sun { .. })));
     add(
         "soft suns",
-        lamps("sun with an angular size", &|k| matches!(k, LampKind::Sun { angle_rad, .. } if *angle_rad > 0.0)),
+        lamps(
+            "sun with an angular size",
+            &|k| matches!(k, LampKind::Sun { angle_rad, .. } if *angle_rad > 0.0),
+        ),
     );
     let lit = scene.sky.is_lit();
     add("sky", (lit, if lit { "the sky is lit".into() } else { "the sky is black".into() }));
@@ -58,7 +62,9 @@ pub fn effects(scene: &Scene, sides: &[Sides]) -> Vec<Effect> {
     let reflects = surfaces("reflecting object", "every surface is black", &|i| {
         let m = material(i);
         (sides[i].front != Side::Dark || sides[i].back != Side::Dark)
-            && m.base_color.truncate().max_element() * (1.0 - m.metallic * f32::from(m.metallic_texture.is_none())) > 0.0
+            && m.base_color.truncate().max_element()
+                * (1.0 - m.metallic * f32::from(m.metallic_texture.is_none()))
+                > 0.0
     });
     add("bounces", reflects);
     out

@@ -64,7 +64,9 @@ pub fn resolve(elements: &Elements, atlas: &Atlas, irradiance: &[Irradiance], st
                         continue;
                     }
                     let (mut sum, mut count) = (Vec3::ZERO, 0.0);
-                    for (dx, dy) in [(-1i32, 0i32), (1, 0), (0, -1), (0, 1), (-1, -1), (1, 1), (-1, 1), (1, -1)] {
+                    for (dx, dy) in
+                        [(-1i32, 0i32), (1, 0), (0, -1), (0, 1), (-1, -1), (1, 1), (-1, 1), (1, -1)]
+                    {
                         let (a, b) = (x as i32 + dx, y as i32 + dy);
                         if a >= 0 && b >= 0 && (a as usize) < n && (b as usize) < n {
                             let t = b as usize * n + a as usize;

@@ -81,9 +81,11 @@ pub fn coarse<T: Tracer>(
         progress.unshot(solver.solution().unshot_fraction);
     }
     let solution = solver.solution();
-    let irradiance = solution.received.iter().zip(&outside).map(|(reflected, outside)| {
-        Irradiance(reflected.max(DVec3::ZERO).as_vec3()) + *outside
-    });
+    let irradiance = solution
+        .received
+        .iter()
+        .zip(&outside)
+        .map(|(reflected, outside)| Irradiance(reflected.max(DVec3::ZERO).as_vec3()) + *outside);
     Ok(Coarse {
         irradiance: irradiance.collect(),
         rays: patches.len() as u64 * u64::from(ray_count) + faint_rays,
@@ -150,7 +152,12 @@ fn faint_irradiance<T: Tracer>(
 
 /// Power that a patch reflects of what arrives from outside the coarse solution, element by element, so that no
 /// energy is lost between the fine and the coarse: s = Σ Aρ(E_direct + E_outside) / A.
-fn problem<T>(surfaces: &Surfaces<T>, direct: &Direct, outside: &[Irradiance], rows: Rows) -> Result<Problem> {
+fn problem<T>(
+    surfaces: &Surfaces<T>,
+    direct: &Direct,
+    outside: &[Irradiance],
+    rows: Rows,
+) -> Result<Problem> {
     let Surfaces { elements, patches, .. } = surfaces;
     let reflectance: Vec<_> = patches.reflectance.iter().map(|r| r.0.as_dvec3()).collect();
     let source = (0..patches.len() as u32)
