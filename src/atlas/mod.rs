@@ -11,6 +11,7 @@ mod fit;
 mod flat;
 mod layout;
 mod metric;
+mod overlap;
 mod page;
 mod second;
 mod shape;
