@@ -79,8 +79,12 @@ fn metadata(fetch: bool) -> Result<String, String> {
     // What cargo tells build scripts is about this build, not about the question.
     for (name, _) in env::vars_os() {
         let text = name.to_string_lossy();
-        let ours = ["CARGO_PKG_", "CARGO_CFG_", "CARGO_FEATURE_", "CARGO_ENCODED_", "CARGO_MANIFEST_", "DEP_"];
-        if ours.iter().any(|prefix| text.starts_with(prefix)) || text == "RUSTFLAGS" || text == "CARGO_MAKEFLAGS" {
+        let ours =
+            ["CARGO_PKG_", "CARGO_CFG_", "CARGO_FEATURE_", "CARGO_ENCODED_", "CARGO_MANIFEST_", "DEP_"];
+        if ours.iter().any(|prefix| text.starts_with(prefix))
+            || text == "RUSTFLAGS"
+            || text == "CARGO_MAKEFLAGS"
+        {
             command.env_remove(&name);
         }
     }

@@ -97,9 +97,19 @@ fn soft_sun_has_the_same_energy_and_a_penumbra_of_the_right_shape() {
         // Directions are spread over the projected disc: the visible share is that of a disc cut at t.
         let at = lit.elements.position_world[e].x;
         let t = -(at / (1.0 + at * at).sqrt()) / (angle / 2.0).sin();
-        let share = if t.abs() < 1.0 { (t.acos() - t * (1.0 - t * t).sqrt()) / PI } else if t < 0.0 { 1.0 } else { 0.0 };
+        let share = if t.abs() < 1.0 {
+            (t.acos() - t * (1.0 - t * t).sqrt()) / PI
+        } else if t < 0.0 {
+            1.0
+        } else {
+            0.0
+        };
         // 128 stratified points err by about N^-3/4 = 0.026 of the disc at a straight edge; nine sets are averaged.
-        assert!((lit.irradiance(e).mean() - share).abs() < 0.026, "at {at}: {} {share}", lit.irradiance(e).mean());
+        assert!(
+            (lit.irradiance(e).mean() - share).abs() < 0.026,
+            "at {at}: {} {share}",
+            lit.irradiance(e).mean()
+        );
     }
 }
 

@@ -164,7 +164,12 @@ impl<'a> Draft<'a> {
         Self { geometry, topology, charts, curved, log }
     }
 
-    fn ask(&self, method: Method, region: usize, progress: &Progress) -> std::result::Result<Vec<FlatChart>, NoCharts> {
+    fn ask(
+        &self,
+        method: Method,
+        region: usize,
+        progress: &Progress,
+    ) -> std::result::Result<Vec<FlatChart>, NoCharts> {
         let triangles = &self.curved[region];
         let begin = Instant::now();
         let go_on = || !progress.cancelled() && begin.elapsed() < PATIENCE;
@@ -204,7 +209,8 @@ impl<'a> Draft<'a> {
         let woven = weave::weave(self.geometry, &self.topology, self.charts);
         let mut warnings = self.log.tell(self.geometry);
         match &woven {
-            None => warnings.push(Warning::new(&self.geometry.name, "has no triangle with an area: it gets no lightmap")),
+            None => warnings
+                .push(Warning::new(&self.geometry.name, "has no triangle with an area: it gets no lightmap")),
             Some(woven) => {
                 let (charts, triangles) = (woven.charts.len(), self.geometry.triangles.len());
                 if charts > 1000 && charts * 3 > triangles {

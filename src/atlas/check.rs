@@ -49,7 +49,8 @@ fn stretch(geometry: &Geometry, topology: &Topology, chart: &RawChart) -> Result
         .iter()
         .zip(&chart.corner_uv)
         .map(|(&t, flat)| {
-            let corners = geometry.triangles[t as usize].map(|i| geometry.position_local[i as usize].as_dvec3());
+            let corners =
+                geometry.triangles[t as usize].map(|i| geometry.position_local[i as usize].as_dvec3());
             let metric = Metric::of(corners, flat.map(|uv| uv.as_dvec2()), DMat3::IDENTITY)?;
             Some((metric, topology.area[t as usize], doubled_area(flat.map(|uv| uv.as_dvec2()))))
         })
@@ -157,7 +158,9 @@ mod tests {
     fn a_long_thin_strip_is_sampled_by_its_area() {
         let strip = |lift: f32| {
             let at = move |k: i32| Vec2::new(k as f32, k as f32 + lift * (k % 2) as f32);
-            (0..999).map(move |k| if k % 2 == 0 { [at(k), at(k + 2), at(k + 1)] } else { [at(k), at(k + 1), at(k + 2)] })
+            (0..999).map(move |k| {
+                if k % 2 == 0 { [at(k), at(k + 2), at(k + 1)] } else { [at(k), at(k + 1), at(k + 2)] }
+            })
         };
         let once: Vec<_> = strip(0.1).collect();
         assert!(!overlaps(&once, 99.0));

@@ -24,10 +24,8 @@ const ROUNDS: usize = 12;
 
 /// Area-weighted mean normal.
 fn mean_normal(topology: &Topology, triangles: &[u32]) -> Option<DVec3> {
-    let sum: DVec3 = triangles
-        .iter()
-        .map(|&t| topology.normal[t as usize].as_dvec3() * topology.area[t as usize])
-        .sum();
+    let sum: DVec3 =
+        triangles.iter().map(|&t| topology.normal[t as usize].as_dvec3() * topology.area[t as usize]).sum();
     sum.try_normalize()
 }
 
@@ -53,8 +51,8 @@ fn project(geometry: &Geometry, triangles: &[u32], normal: DVec3) -> RawChart {
     let corner = |i: u32| geometry.position_local[i as usize].as_dvec3();
     // Relative to the chart's middle, so that f32 keeps small charts far from the origin.
     let corners = || triangles.iter().flat_map(|&t| geometry.triangles[t as usize]).map(corner);
-    let (low, high) = corners()
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+    let (low, high) =
+        corners().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
     let middle = (low + high) * 0.5;
     let flat = |i: u32| {
         let p = corner(i) - middle;
@@ -67,8 +65,14 @@ fn project(geometry: &Geometry, triangles: &[u32], normal: DVec3) -> RawChart {
 /// Cuts `triangles` into connected groups whose normals stay in a cone, and projects each along the cone's axis:
 /// variational shape approximation (Cohen-Steiner, Alliez, Desbrun 2004) with the L2,1 metric, seeds added where
 /// normals leave their cone. Time is a few dozen priority floods, whatever the mesh.
-pub(super) fn cones(geometry: &Geometry, topology: &Topology, triangles: &[u32], narrow: f64) -> Vec<RawChart> {
-    let (cone, limit) = (CONE_COS + (1.0 - CONE_COS) * narrow, CONE_LIMIT_COS + (1.0 - CONE_LIMIT_COS) * narrow);
+pub(super) fn cones(
+    geometry: &Geometry,
+    topology: &Topology,
+    triangles: &[u32],
+    narrow: f64,
+) -> Vec<RawChart> {
+    let (cone, limit) =
+        (CONE_COS + (1.0 - CONE_COS) * narrow, CONE_LIMIT_COS + (1.0 - CONE_LIMIT_COS) * narrow);
     let mut work = Cones::new(topology, triangles);
     let first = mean_normal(topology, triangles).unwrap_or(DVec3::Y);
     let mut seeds = vec![(work.best_seed(first), first)];

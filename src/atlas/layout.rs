@@ -281,7 +281,8 @@ impl Job<'_> {
         let need = |density: f64| -> f64 {
             let part = |part: &Part| -> f64 {
                 let chart = |shape: &super::shape::Shape| {
-                    let side = |metres: f64| (metres * density * part.factor).clamp(1.0, longest) + 1.0 + gutter;
+                    let side =
+                        |metres: f64| (metres * density * part.factor).clamp(1.0, longest) + 1.0 + gutter;
                     side(shape.size_m.x) * side(shape.size_m.y) * if shape.filled { 1.0 } else { 0.8 }
                 };
                 self.shapes[part.shapes].charts.iter().map(chart).sum()
@@ -292,7 +293,9 @@ impl Job<'_> {
         let largest = self
             .parts
             .iter()
-            .flat_map(|part| self.shapes[part.shapes].charts.iter().map(|c| c.size_m.max_element() * part.factor))
+            .flat_map(|part| {
+                self.shapes[part.shapes].charts.iter().map(|c| c.size_m.max_element() * part.factor)
+            })
             .fold(0.0, f64::max);
         let (mut low, mut high) = (0.0, if largest > 0.0 { longest * 16.0 / largest } else { 1.0 });
         for _ in 0..50 {
@@ -330,7 +333,8 @@ impl Job<'_> {
             if found.is_none() && !last_page {
                 let (mut low, mut high) = (0, rest);
                 while high - low > 1 {
-                    let middle = if low == 0 { self.likely(&fits, &nodes[first..], high) } else { (low + high) / 2 };
+                    let middle =
+                        if low == 0 { self.likely(&fits, &nodes[first..], high) } else { (low + high) / 2 };
                     match attempt(middle) {
                         Some(better) => {
                             low = middle;
@@ -415,7 +419,8 @@ impl Job<'_> {
                 .into_par_iter()
                 .with_min_len(64)
                 .map(|n| {
-                    let corners = |&t: &u32| woven.unwrap.triangles[t as usize].map(|i| shapes.unit_uv[i as usize]);
+                    let corners =
+                        |&t: &u32| woven.unwrap.triangles[t as usize].map(|i| shapes.unit_uv[i as usize]);
                     Cover::of(&shapes.charts[n], spans[n], woven.charts[n].iter().map(corners))
                 })
                 .collect(),

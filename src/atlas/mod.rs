@@ -109,7 +109,8 @@ const LARGEST_PAGE: u32 = 16384;
 pub fn unwrap(scene: &Scene, sides: &[Sides], options: &AtlasOptions, progress: &Progress) -> Result<Atlas> {
     validate(options)?;
     let mut warnings = Vec::new();
-    let takes_light = |s: usize| sides.get(s).is_some_and(|side| [side.front, side.back].iter().any(|&x| x != Side::Dark));
+    let takes_light =
+        |s: usize| sides.get(s).is_some_and(|side| [side.front, side.back].iter().any(|&x| x != Side::Dark));
     let mut wanted = vec![false; scene.geometries.len()];
     for (s, surface) in scene.surfaces.iter().enumerate() {
         wanted[surface.geometry.0 as usize] |= takes_light(s);
@@ -133,7 +134,8 @@ pub fn unwrap(scene: &Scene, sides: &[Sides], options: &AtlasOptions, progress: 
         list
     };
     let (written, hidden) = (of_kind(Side::Lightmapped), of_kind(Side::Hidden));
-    let parts = |list: &[(usize, bool, Part)]| -> Vec<Part> { list.iter().map(|(.., part)| part.clone()).collect() };
+    let parts =
+        |list: &[(usize, bool, Part)]| -> Vec<Part> { list.iter().map(|(.., part)| part.clone()).collect() };
     let (written_parts, hidden_parts) = (parts(&written), parts(&hidden));
     let job = Job {
         shapes: &shapes,
@@ -157,7 +159,8 @@ pub fn unwrap(scene: &Scene, sides: &[Sides], options: &AtlasOptions, progress: 
         (false, None) => Job { page_size: (job.page_size / 4).max(64), ..job }.fill(u32::MAX, progress)?,
     };
     warnings.extend(exported.warnings.iter().chain(&unseen.warnings).cloned());
-    let pages = exported.pages.iter().map(|&size| (size, true)).chain(unseen.pages.iter().map(|&size| (size, false)));
+    let pages =
+        exported.pages.iter().map(|&size| (size, true)).chain(unseen.pages.iter().map(|&size| (size, false)));
     let page_texels: f64 = exported.pages.iter().map(|&size| f64::from(size).powi(2)).sum();
     let mut atlas = Atlas {
         pages: pages.map(|(size, exported)| Page { size_texels: u32::from(size), exported }).collect(),
@@ -193,9 +196,10 @@ fn validate(options: &AtlasOptions) -> Result<()> {
         return Err(Error::invalid("gutter", what));
     }
     match options.density {
-        Some(density) if !(density.is_finite() && density > 0.0) => {
-            Err(Error::invalid("density", format!("must be a positive number of texels per metre, not {density}")))
-        }
+        Some(density) if !(density.is_finite() && density > 0.0) => Err(Error::invalid(
+            "density",
+            format!("must be a positive number of texels per metre, not {density}"),
+        )),
         _ => Ok(()),
     }
 }
@@ -234,7 +238,8 @@ fn all_shapes(
 
 /// Equal for scales that differ by rounding only (about one part in 10⁵).
 fn scale_key(space: DMat3) -> [i64; 7] {
-    let entries = [space.x_axis.x, space.x_axis.y, space.x_axis.z, space.y_axis.y, space.y_axis.z, space.z_axis.z];
+    let entries =
+        [space.x_axis.x, space.x_axis.y, space.x_axis.z, space.y_axis.y, space.y_axis.z, space.z_axis.z];
     let largest = entries.iter().fold(0.0f64, |m, e| m.max(e.abs()));
     let round = |x: f64| (x * 1e5).round() as i64;
     let [a, b, c, d, e, f] = entries.map(|entry| if largest > 0.0 { round(entry / largest) } else { 0 });

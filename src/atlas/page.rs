@@ -206,13 +206,21 @@ impl Page {
             Some(mask) => {
                 let [cw, ch] = cover.size.map(usize::from);
                 for y in 0..ch {
-                    each_run(&mask.bits[y * mask.stride..(y + 1) * mask.stride], cw, |from, to| match spot.turns {
-                        0 => mark(&mut self.taken, y0 + y, x0 + from, x0 + to, self.size),
-                        2 => mark(&mut self.taken, y0 + ch - 1 - y, x0 + cw - 1 - to, x0 + cw - 1 - from, self.size),
-                        turns => {
-                            for x in from..=to {
-                                let (tx, ty) = if turns == 1 { (ch - 1 - y, x) } else { (y, cw - 1 - x) };
-                                mark(&mut self.taken, y0 + ty, x0 + tx, x0 + tx, self.size);
+                    each_run(&mask.bits[y * mask.stride..(y + 1) * mask.stride], cw, |from, to| {
+                        match spot.turns {
+                            0 => mark(&mut self.taken, y0 + y, x0 + from, x0 + to, self.size),
+                            2 => mark(
+                                &mut self.taken,
+                                y0 + ch - 1 - y,
+                                x0 + cw - 1 - to,
+                                x0 + cw - 1 - from,
+                                self.size,
+                            ),
+                            turns => {
+                                for x in from..=to {
+                                    let (tx, ty) = if turns == 1 { (ch - 1 - y, x) } else { (y, cw - 1 - x) };
+                                    mark(&mut self.taken, y0 + ty, x0 + tx, x0 + tx, self.size);
+                                }
                             }
                         }
                     });

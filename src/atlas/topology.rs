@@ -67,7 +67,8 @@ fn frame(geometry: &Geometry, welded: &[u32], triangle: &[u32; 3]) -> (Vec3, f64
     let [a, b, c] = corners;
     let doubled = (b - a).cross(c - a);
     let longest = (b - a).length().max((c - b).length()).max((a - c).length());
-    let rounding = f64::from(f32::EPSILON) * 0.5 * corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+    let rounding =
+        f64::from(f32::EPSILON) * 0.5 * corners.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
     let length = doubled.length();
     // The height over the longest edge must stand out of the rounding.
     if length <= longest * rounding || !(doubled / length).is_finite() {

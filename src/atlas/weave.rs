@@ -39,7 +39,8 @@ pub(super) fn weave(geometry: &Geometry, topology: &Topology, mut charts: Vec<Ra
     let anchor = mesh.triangles[charts[0].triangles[0] as usize][0];
     for t in (0..geometry.triangles.len()).filter(|&t| topology.area[t] == 0.0) {
         let corners = geometry.triangles[t];
-        let known = corners.into_iter().find(|&i| mesh.chart_of_vertex.get(i as usize).is_some_and(|&c| c != NONE));
+        let known =
+            corners.into_iter().find(|&i| mesh.chart_of_vertex.get(i as usize).is_some_and(|&c| c != NONE));
         let at = known.unwrap_or(anchor) as usize;
         let (chart, uv) = (mesh.chart_of_vertex[at], mesh.uv[at]);
         let last = geometry.position_local.len() as u32 - 1;

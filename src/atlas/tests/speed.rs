@@ -29,12 +29,8 @@ fn time(name: &str, geometries: Vec<Geometry>) {
     let mut wanted = vec![true; scene.geometries.len()];
     wanted.fill(true);
     let cancel = std::sync::atomic::AtomicBool::new(false);
-    let progress = crate::progress::Progress::begin(
-        &crate::progress::Silent,
-        &cancel,
-        crate::progress::Stage::Atlas,
-        1,
-    );
+    let progress =
+        crate::progress::Progress::begin(&crate::progress::Silent, &cancel, crate::progress::Stage::Atlas, 1);
     let begin = Instant::now();
     super::super::charting::charts(&scene.geometries, &wanted, &progress, &mut Vec::new()).unwrap();
     let charts = begin.elapsed();

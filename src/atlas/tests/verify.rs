@@ -53,8 +53,11 @@ pub(crate) struct Measured {
 pub(crate) fn verify(scene: &Scene, atlas: &Atlas, gutter: u32, crumb: f64) -> Measured {
     let mut pages: Vec<Vec<u32>> =
         atlas.pages.iter().map(|page| vec![0; (page.size_texels * page.size_texels) as usize]).collect();
-    let mut samples: Vec<Vec<bool>> =
-        atlas.pages.iter().map(|page| vec![false; (page.size_texels * page.size_texels * 16) as usize]).collect();
+    let mut samples: Vec<Vec<bool>> = atlas
+        .pages
+        .iter()
+        .map(|page| vec![false; (page.size_texels * page.size_texels * 16) as usize])
+        .collect();
     let mut measured = Measured {
         charts: 0,
         stretch: [f64::INFINITY, 0.0],
@@ -69,7 +72,11 @@ pub(crate) fn verify(scene: &Scene, atlas: &Atlas, gutter: u32, crumb: f64) -> M
             let page = atlas.pages[placement.page as usize].clone();
             if page.exported {
                 let node = (surface.origin.node, surface.origin.instance);
-                assert_eq!(*page_of_node.entry(node).or_insert(placement.page), placement.page, "node on two pages");
+                assert_eq!(
+                    *page_of_node.entry(node).or_insert(placement.page),
+                    placement.page,
+                    "node on two pages"
+                );
             }
             let density = f64::from(atlas.density)
                 * f64::from(surface.density_factor)
@@ -79,7 +86,10 @@ pub(crate) fn verify(scene: &Scene, atlas: &Atlas, gutter: u32, crumb: f64) -> M
             let unwrap = &placement.unwrap;
             for (t, corners) in unwrap.triangles.iter().enumerate() {
                 let uv = corners.map(|i| placement.uv_texels[i as usize].as_dvec2());
-                assert!(uv.iter().all(|p| p.is_finite() && p.min_element() >= 0.0 && p.max_element() <= size as f64));
+                assert!(
+                    uv.iter()
+                        .all(|p| p.is_finite() && p.min_element() >= 0.0 && p.max_element() <= size as f64)
+                );
                 let doubled = (uv[1] - uv[0]).perp_dot(uv[2] - uv[0]);
                 let world = scene.geometry(surface).triangles[t].map(|i| {
                     let p = scene.geometry(surface).position_local[i as usize].as_dvec3();
@@ -218,7 +228,10 @@ fn keep_apart(size: i64, texels: &[u32], gutter: i64) {
             for v in y..=(y + gutter).min(size - 1) {
                 for u in (x - gutter).max(0)..=(x + gutter).min(size - 1) {
                     let other = at(u, v);
-                    assert!(other == 0 || other == chart, "charts {chart} and {other} nearer than {gutter} texels");
+                    assert!(
+                        other == 0 || other == chart,
+                        "charts {chart} and {other} nearer than {gutter} texels"
+                    );
                 }
             }
         }
