@@ -1,6 +1,8 @@
 //! Nothing of a file is lost: for every fixture, and every scene of the collection beside the project where that is
 //! present, what the export added is taken away again, and what remains must be the input, text of numbers included.
 
+#![allow(clippy::print_stderr)] // It says how much it saw.
+
 #[path = "export/kit.rs"]
 mod kit;
 #[path = "lossless/undo.rs"]

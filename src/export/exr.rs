@@ -104,14 +104,13 @@ pub(super) fn encode(
         ));
     }
     let limit = if full_float { f32::MAX } else { HALF_MAX };
-    let mut mended = Mended::default();
-    let lawful: Vec<Vec3> = value.iter().map(|&v| lawful(v, limit, &mut mended)).collect();
-
+    let mended = value.iter().fold(Mended::default(), |mended, &texel| mended.with(texel, limit));
     let channel = |name: &str, axis: usize| {
+        let lawful = value.iter().map(|texel| lawful(texel[axis], limit));
         let samples = if full_float {
-            e::FlatSamples::F32(lawful.iter().map(|v| v[axis]).collect())
+            e::FlatSamples::F32(lawful.collect())
         } else {
-            e::FlatSamples::F16(lawful.iter().map(|v| f16::from_f32(v[axis])).collect())
+            e::FlatSamples::F16(lawful.map(f16::from_f32).collect())
         };
         e::AnyChannel::new(name, samples)
     };
@@ -122,15 +121,19 @@ pub(super) fn encode(
     Ok(Encoded { bytes, mended })
 }
 
-pub(super) fn lawful(value: Vec3, limit: f32, mended: &mut Mended) -> Vec3 {
-    // Written so that NaN fails the first test too.
-    if value.cmpge(Vec3::ZERO).all() && value.max_element() <= limit {
-        return value.abs(); // −0 → 0
+impl Mended {
+    fn with(self, texel: Vec3, limit: f32) -> Self {
+        let any = |test: fn(f32, f32) -> bool| usize::from(texel.to_array().iter().any(|&c| test(c, limit)));
+        Self {
+            clipped: self.clipped + any(|c, limit| c > limit),
+            unlawful: self.unlawful + any(|c, _| c.is_nan() || c < 0.0),
+        }
     }
-    let channels = value.to_array();
-    mended.clipped += usize::from(channels.iter().any(|&c| c > limit));
-    mended.unlawful += usize::from(channels.iter().any(|&c| c.is_nan() || c < 0.0));
-    Vec3::from_array(channels.map(|c| if c > 0.0 { c.min(limit) } else { 0.0 }))
+}
+
+/// The value that is written for a channel: not negative, not NaN, at most `limit`.
+pub(super) fn lawful(channel: f32, limit: f32) -> f32 {
+    if channel > 0.0 { channel.min(limit) } else { 0.0 }
 }
 
 fn file(at: &str, size: usize, header: &Header, channels: e::AnyChannels<e::FlatSamples>) -> Result<Vec<u8>> {

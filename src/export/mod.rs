@@ -20,13 +20,13 @@ pub use picture::picture_png;
 use crate::atlas::Atlas;
 use crate::error::{Error, Result, Warning};
 use crate::import::Document;
-use crate::options::ExportOptions;
+use crate::options::{ExportOptions, LampUnits};
 use crate::resolve::{Lightmap, LightmapPage};
 use crate::scene::Scene;
 use carrier::{Carrier, PageFile, SceneFacts};
-use exr::{Attribute, Encoded, Header};
+use exr::{Attribute, Header, Mended};
 use files::Batch;
-use gltf::{Edit, items};
+use gltf::Edit;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use target::Target;
@@ -41,9 +41,7 @@ pub struct Metadata {
     /// How far the solution got: `(name, value)`, such as the unshot share of the power. Names of up to 9 letters suit old
     /// readers of EXR.
     pub convergence: Vec<(String, f64)>,
-    /// Whether light is measured in lumens instead of watts.
-    pub photometric: bool,
-    /// The scene of the file that was baked; its default scene when absent.
+    /// The scene of the file that was baked; found by its objects when absent.
     pub scene: Option<usize>,
 }
 
@@ -98,19 +96,20 @@ pub fn write(
         batch.reserve([target.path.clone()]);
     }
 
-    let mut edit = Edit::new(document, target.form);
+    let mut edit = Edit::new(document, target.form)?;
     target::bring_resources(&mut edit.json, document, &target, &mut batch, &mut warnings)?;
-    let pages = encode_pages(&target, "lightmap", atlas, lightmap, metadata, options, &mut warnings)?;
+    let photometric = scene.lamp_units == LampUnits::Gltf;
+    let printer = PagePrinter { kind: "lightmap", target: &target, atlas, photometric, metadata, options };
+    let pages = printer.print(lightmap, options.embed, &mut batch, &mut warnings)?;
     let fallbacks = fallbacks(&pages, lightmap)?;
-    let embedded = options.embed.then_some(pages.bytes.as_slice());
-    let carrier = Carrier::lightmap(&mut edit, &pages.files, &fallbacks, embedded, options.store);
+    let carrier = Carrier::lightmap(&mut edit, &pages.files, &fallbacks, pages.embedded(), options.store);
     let worn = gltf::dress(&mut edit, scene, atlas, &carrier)?;
-    let baked_scene = metadata.scene.or_else(|| default_scene(&document.json));
+    let baked_scene = metadata.scene.or_else(|| gltf::scene_of(&document.json, scene));
     carrier::tell_nodes(&mut edit, &worn, &pages.files, options.store);
     let facts = SceneFacts {
         store: options.store,
         light: options.light,
-        unit: exr::unit(options.store, metadata.photometric),
+        unit: exr::unit(options.store, photometric),
         density: atlas.density,
         embedded: options.embed,
         generator: metadata.generator.clone(),
@@ -121,34 +120,130 @@ pub fn write(
         edit.warn(document.path.display().to_string(), "no object took a lightmap, so none was added");
     }
 
-    if !options.embed {
-        pages.stage(&target, &mut batch)?;
-    }
     stage_gltf(edit, &target, &mut batch, &mut warnings)?;
     if let Some(preview) = preview {
         let Some(radiance) = radiance else {
             let at = preview.path.display().to_string();
             return Err(Error::invalid(at, "a preview needs the outgoing radiance"));
         };
-        let job = preview::Job { document, scene, atlas, radiance, metadata, options, baked_scene };
+        let job =
+            preview::Job { document, scene, atlas, radiance, photometric, metadata, options, baked_scene };
         job.stage(&preview, &mut batch, &mut warnings)?;
     }
     let files = batch.commit()?;
     Ok(Written { files, warnings })
 }
 
-/// Pages under their names, encoded.
+/// Writes a picture of all pages to look at, see [`picture_png`]; whole or not at all.
+pub fn write_picture(path: &Path, lightmap: &Lightmap) -> Result<()> {
+    let mut batch = Batch::new([]);
+    batch.add(path, &[&picture_png(lightmap)?])?;
+    batch.commit().map(drop)
+}
+
+/// Pages under their names.
 struct Pages {
     files: Vec<PageFile>,
-    bytes: Vec<Vec<u8>>,
+    /// Their bytes, when they go into the glTF.
+    bytes: Option<Vec<Vec<u8>>>,
 }
 
 impl Pages {
-    fn stage(&self, target: &Target, batch: &mut Batch) -> Result<()> {
-        for (page, bytes) in self.files.iter().zip(&self.bytes) {
-            batch.add(&target.beside(&page.file), &[bytes])?;
+    fn embedded(&self) -> Option<&[Vec<u8>]> {
+        self.bytes.as_deref()
+    }
+}
+
+/// Turns pages into EXRs.
+struct PagePrinter<'a> {
+    kind: &'a str,
+    target: &'a Target,
+    atlas: &'a Atlas,
+    photometric: bool,
+    metadata: &'a Metadata,
+    options: &'a ExportOptions,
+}
+
+impl PagePrinter<'_> {
+    /// Encodes every page; files go to the batch at once, as all pages together may be large.
+    fn print(
+        &self,
+        lightmap: &Lightmap,
+        embed: bool,
+        batch: &mut Batch,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Pages> {
+        self.check(lightmap)?;
+        let mut pages = Pages { files: Vec::new(), bytes: embed.then(Vec::new) };
+        for (number, page) in lightmap.pages.iter().enumerate() {
+            let file = page_name(self.target, self.kind, number);
+            let header = self.header(number, lightmap.pages.len());
+            let exr = exr::encode(&file, page.size_texels, &page.value, &header, self.options.full_float)?;
+            warn_of_mended(&file, exr.mended, warnings);
+            match &mut pages.bytes {
+                Some(bytes) => bytes.push(exr.bytes),
+                None => batch.add(&self.target.beside(&file), &[&exr.bytes])?,
+            }
+            pages.files.push(PageFile { file, size_texels: page.size_texels });
         }
-        Ok(())
+        Ok(pages)
+    }
+
+    fn check(&self, lightmap: &Lightmap) -> Result<()> {
+        let pages = &self.atlas.pages;
+        let exported = pages.iter().take_while(|page| page.exported).count();
+        let first = pages.iter().filter(|page| page.exported).count() == exported;
+        let same =
+            pages.iter().zip(&lightmap.pages).all(|(page, light)| page.size_texels == light.size_texels);
+        if first && same && exported == lightmap.pages.len() {
+            return Ok(());
+        }
+        let what = "the pages of light are not those of the atlas; this is a fault of the program";
+        Err(Error::invalid(self.target.path.display().to_string(), what))
+    }
+
+    fn header(&self, number: usize, count: usize) -> Header {
+        let Self { metadata, options, .. } = self;
+        let text = |s: &str| Attribute::Text(s.to_owned());
+        let whole = |n: usize| Attribute::Integer(i32::try_from(n).unwrap_or(i32::MAX));
+        let (store, unit) = match self.kind {
+            preview::KIND => ("radiance", exr::radiance_unit(self.photometric)),
+            _ => (exr::store_name(options.store), exr::unit(options.store, self.photometric)),
+        };
+        let mut attributes: Vec<(String, Attribute)> = [
+            ("store", text(store)),
+            ("unit", text(unit)),
+            ("light", text(exr::light_name(options.light))),
+            ("version", text(&metadata.generator)),
+            ("settings", text(&metadata.settings.to_string())),
+            ("page", whole(number)),
+            ("pages", whole(count)),
+            ("texelsPerMetre", Attribute::Float(self.atlas.density)),
+        ]
+        .map(|(name, value)| (format!("lightkiln.{name}"), value))
+        .into();
+        for (name, value) in &metadata.convergence {
+            attributes.push((format!("lightkiln.convergence.{name}"), Attribute::Double(*value)));
+        }
+        Header { attributes, software: metadata.generator.clone() }
+    }
+}
+
+fn warn_of_mended(file: &str, mended: Mended, warnings: &mut Vec<Warning>) {
+    if mended.clipped > 0 {
+        let what = format!(
+            "{} texels are brighter than {HALF_MAX}, the most a half float holds, and were cut to it: bake with \
+             32 bit floats, or make the emitter weaker",
+            mended.clipped
+        );
+        warnings.push(Warning::new(file, what));
+    }
+    if mended.unlawful > 0 {
+        let what = format!(
+            "{} texels were negative or not a number and are black: a fault of the program",
+            mended.unlawful
+        );
+        warnings.push(Warning::new(file, what));
     }
 }
 
@@ -159,85 +254,6 @@ fn page_name(target: &Target, kind: &str, number: usize) -> String {
 /// The buffer beside a `.gltf`; the name differs from what other exporters choose, so that none is replaced.
 fn buffer_name(target: &Target) -> String {
     format!("{}.lightmap.bin", target.stem)
-}
-
-fn encode_pages(
-    target: &Target,
-    kind: &str,
-    atlas: &Atlas,
-    lightmap: &Lightmap,
-    metadata: &Metadata,
-    options: &ExportOptions,
-    warnings: &mut Vec<Warning>,
-) -> Result<Pages> {
-    let exported = atlas.pages.iter().filter(|page| page.exported).count();
-    let fits =
-        atlas.pages.iter().zip(&lightmap.pages).all(|(page, light)| page.size_texels == light.size_texels);
-    if lightmap.pages.len() != exported
-        || !fits
-        || !atlas.pages.iter().take(exported).all(|page| page.exported)
-    {
-        let what = "the pages of light are not those of the atlas; this is a fault of the program";
-        return Err(Error::invalid(target.path.display().to_string(), what));
-    }
-    let mut pages = Pages { files: Vec::new(), bytes: Vec::new() };
-    for (number, page) in lightmap.pages.iter().enumerate() {
-        let file = page_name(target, kind, number);
-        let header = header(kind, number, lightmap.pages.len(), atlas, metadata, options);
-        let Encoded { bytes, mended } =
-            exr::encode(&file, page.size_texels, &page.value, &header, options.full_float)?;
-        if mended.clipped > 0 {
-            let what = format!(
-                "{} texels are brighter than {HALF_MAX}, the most a half float holds, and were cut to it: bake with \
-                 32 bit floats, or make the emitter weaker",
-                mended.clipped
-            );
-            warnings.push(Warning::new(&file, what));
-        }
-        if mended.unlawful > 0 {
-            let what = format!(
-                "{} texels were negative or not a number and are black: a fault of the program",
-                mended.unlawful
-            );
-            warnings.push(Warning::new(&file, what));
-        }
-        pages.files.push(PageFile { file, size_texels: page.size_texels });
-        pages.bytes.push(bytes);
-    }
-    Ok(pages)
-}
-
-fn header(
-    kind: &str,
-    number: usize,
-    count: usize,
-    atlas: &Atlas,
-    metadata: &Metadata,
-    options: &ExportOptions,
-) -> Header {
-    let text = |s: &str| Attribute::Text(s.to_owned());
-    let whole = |n: usize| Attribute::Integer(i32::try_from(n).unwrap_or(i32::MAX));
-    let (store, unit) = match kind {
-        preview::KIND => ("radiance", exr::radiance_unit(metadata.photometric)),
-        _ => (exr::store_name(options.store), exr::unit(options.store, metadata.photometric)),
-    };
-    let mut attributes: Vec<(String, Attribute)> = [
-        ("store", text(store)),
-        ("unit", text(unit)),
-        ("light", text(exr::light_name(options.light))),
-        ("version", text(&metadata.generator)),
-        ("settings", text(&metadata.settings.to_string())),
-        ("page", whole(number)),
-        ("pages", whole(count)),
-        ("texelsPerMetre", Attribute::Float(atlas.density)),
-    ]
-    .map(|(name, value)| (format!("lightkiln.{name}"), value))
-    .into();
-    let convergence = metadata.convergence.iter();
-    attributes.extend(
-        convergence.map(|(name, value)| (format!("lightkiln.convergence.{name}"), Attribute::Double(*value))),
-    );
-    Header { attributes, software: metadata.generator.clone() }
 }
 
 fn fallbacks(pages: &Pages, lightmap: &Lightmap) -> Result<Vec<Vec<u8>>> {
@@ -256,10 +272,4 @@ fn stage_gltf(edit: Edit, target: &Target, batch: &mut Batch, warnings: &mut Vec
     }
     let parts: Vec<&[u8]> = pieces.gltf.iter().map(AsRef::as_ref).collect();
     batch.add(&target.path, &parts)
-}
-
-fn default_scene(json: &Value) -> Option<usize> {
-    let named = json.get("scene").and_then(Value::as_u64).map(|scene| scene as usize);
-    let scene = named.unwrap_or(0);
-    (scene < items(json, "scenes").len()).then_some(scene)
 }

@@ -1,9 +1,8 @@
 //! Pages as 8 bit pictures: the fallback that viewers without EXR show, and a picture to look at.
 
-use super::exr::{Mended, lawful};
+use super::exr::lawful;
 use crate::error::{Error, Result};
 use crate::resolve::{Lightmap, LightmapPage};
-use glam::Vec3;
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
@@ -18,11 +17,11 @@ pub(super) fn fallback_png(at: &str, page: &LightmapPage) -> Result<Vec<u8>> {
             let corner = |dx: usize, dy: usize| {
                 page.value[(2 * y + dy).min(size - 1) * size + (2 * x + dx).min(size - 1)]
             };
-            let sum = [(0, 0), (1, 0), (0, 1), (1, 1)]
-                .map(|(dx, dy)| lawful(corner(dx, dy), 1.0, &mut Mended::default()))
-                .iter()
-                .sum::<Vec3>();
-            rgb.extend((sum * 0.25).to_array().map(|c| (c * 255.0).round() as u8));
+            let four = [corner(0, 0), corner(1, 0), corner(0, 1), corner(1, 1)];
+            rgb.extend([0, 1, 2].map(|axis| {
+                let mean = four.iter().map(|texel| lawful(texel[axis], 1.0)).sum::<f32>() / 4.0;
+                (mean * 255.0).round() as u8
+            }));
         }
     }
     png(at, &rgb, half, half)
@@ -88,6 +87,7 @@ fn png(at: &str, rgb: &[u8], width: usize, height: usize) -> Result<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec3;
 
     fn page(size: u32, value: Vec<Vec3>) -> LightmapPage {
         LightmapPage { size_texels: size, covered: vec![true; value.len()], value }

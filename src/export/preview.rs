@@ -7,7 +7,7 @@ use super::carrier::Carrier;
 use super::files::Batch;
 use super::gltf::{self, Edit};
 use super::target::{self, Target};
-use super::{Metadata, encode_pages, stage_gltf};
+use super::{Metadata, PagePrinter, stage_gltf};
 use crate::atlas::Atlas;
 use crate::error::{Error, Result, Warning};
 use crate::import::Document;
@@ -37,6 +37,7 @@ pub(super) struct Job<'a> {
     pub scene: &'a Scene,
     pub atlas: &'a Atlas,
     pub radiance: &'a Lightmap,
+    pub photometric: bool,
     pub metadata: &'a Metadata,
     pub options: &'a ExportOptions,
     pub baked_scene: Option<usize>,
@@ -45,10 +46,11 @@ pub(super) struct Job<'a> {
 impl Job<'_> {
     /// Adds the preview and its pages to the batch.
     pub fn stage(&self, target: &Target, batch: &mut Batch, warnings: &mut Vec<Warning>) -> Result<()> {
-        let mut edit = Edit::new(self.document, target.form);
+        let mut edit = Edit::new(self.document, target.form)?;
         target::bring_resources(&mut edit.json, self.document, target, batch, warnings)?;
-        let pages =
-            encode_pages(target, KIND, self.atlas, self.radiance, self.metadata, self.options, warnings)?;
+        let Self { atlas, photometric, metadata, options, .. } = *self;
+        let printer = PagePrinter { kind: KIND, target, atlas, photometric, metadata, options };
+        let pages = printer.print(self.radiance, false, batch, warnings)?;
         let carrier = Carrier::radiance(&mut edit, &pages.files);
         gltf::dress(&mut edit, self.scene, self.atlas, &carrier)?;
         let dark =
@@ -56,7 +58,6 @@ impl Job<'_> {
         gltf::settle_lamps(&mut edit, self.baked_scene, &dark);
         // The baked file has said it all.
         edit.warnings.clear();
-        pages.stage(target, batch)?;
         stage_gltf(edit, target, batch, warnings)
     }
 }

@@ -103,8 +103,9 @@ fn a_gltf_stays_one_and_its_buffers_too() {
 
 #[test]
 fn a_gltf_becomes_a_glb() {
-    let builder = sheet(6);
+    let mut builder = sheet(6);
     let folder = tempfile::tempdir().unwrap();
+    builder.bin.push(0xAB); // one byte that nothing names: what is new must be aligned all the same
     fs::write(folder.path().join("one.bin"), &builder.bin).unwrap();
     fs::write(folder.path().join("two.bin"), [1, 2, 3, 4]).unwrap();
     let mut json = file(&builder);
@@ -119,6 +120,8 @@ fn a_gltf_becomes_a_glb() {
     let buffers = &baked.json()["buffers"];
     assert_eq!((buffers[0].get("uri"), &buffers[0]["name"]), (None, &json!("first")));
     assert_eq!(buffers[1], json["buffers"][1]);
+    let views = baked.json()["bufferViews"].as_array().unwrap();
+    assert!(views.iter().all(|view| view["byteOffset"].as_u64().unwrap() % 4 == 0));
 }
 
 #[test]

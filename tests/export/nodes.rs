@@ -1,8 +1,9 @@
 //! Nodes that share meshes, instances, lamps and extras.
 
-use crate::kit::{Baked, Builder, Cut, sheet};
+use crate::kit::{self, Baked, Builder, Cut, sheet};
 use glam::Vec3;
-use lightkiln::options::{ExportOptions, LampsOut, LightPart};
+use lightkiln::options::{ExportOptions, ImportOptions, LampsOut, LightPart};
+use lightkiln::{export, import};
 use serde_json::{Value, json};
 
 fn shared(nodes: Value) -> Vec<u8> {
@@ -41,19 +42,10 @@ fn each_node_gets_its_own_coordinates_and_shares_the_rest() {
         let entry = &baked.json()["nodes"][1]["extras"]["lightmap"];
         assert_eq!(entry["file"], "in.baked.lightmap0.exr");
         assert_eq!((&entry["texCoord"], &entry["store"]), (&json!(1), &json!("irradiance-over-pi")));
-        let rect: Vec<f64> = entry["rect"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect();
+        let rect: Vec<f32> =
+            entry["rect"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap() as f32).collect();
         let [min, max] = baked.atlas.fronts[1].as_ref().unwrap().rect_texels.map(|corner| corner / 64.0);
-        assert_eq!(rect.map_f32(), [min.x, min.y, max.x, max.y]);
-    }
-}
-
-trait AsF32 {
-    fn map_f32(&self) -> Vec<f32>;
-}
-
-impl AsF32 for Vec<f64> {
-    fn map_f32(&self) -> Vec<f32> {
-        self.iter().map(|&x| x as f32).collect()
+        assert_eq!(rect, [min.x, min.y, max.x, max.y]);
     }
 }
 
@@ -81,6 +73,26 @@ fn extras_are_merged_or_left_alone() {
     assert_eq!(pages[0]["store"], "irradiance-over-pi");
     assert_eq!(pages[0]["intensity"].as_f64(), Some(std::f64::consts::PI));
     assert_eq!((&pages[0]["unit"], &pages[0]["texelsPerMetre"]), (&json!("W/(m^2 sr)"), &json!(16.0)));
+}
+
+#[test]
+fn the_pages_are_told_to_the_scene_that_was_baked() {
+    let bytes = sheet(6).glb(json!({
+        "scenes": [{"name": "Empty", "nodes": [1]}, {"name": "Full", "nodes": [0]}],
+        "nodes": [{"mesh": 0}, {"name": "Nothing"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+    }));
+    let folder = tempfile::tempdir().unwrap();
+    let options = ImportOptions { scene: Some("Full".to_owned()), ..ImportOptions::default() };
+    let loaded = import::load_bytes(&folder.path().join("in.glb"), &bytes, &options).unwrap();
+    let output = folder.path().join("in.baked.glb");
+    let atlas = kit::atlas(&loaded.1, Cut::Nowhere, |_| 0);
+    let light = kit::lightmap(&atlas);
+    let out = ExportOptions::default();
+    export::write(&loaded.0, &loaded.1, &atlas, &light, None, &kit::metadata(), &out).unwrap();
+    let (after, _) = import::load(&output, &options).unwrap();
+    assert_eq!(after.json["scenes"][0], json!({"name": "Empty", "nodes": [1]}));
+    assert!(after.json["scenes"][1]["extras"]["lightmaps"].is_array());
 }
 
 fn instanced() -> Vec<u8> {

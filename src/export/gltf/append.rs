@@ -11,6 +11,20 @@ pub(in super::super) const ARRAY_BUFFER: u32 = 34962;
 /// `bufferView.target` of indices.
 pub(in super::super) const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
+/// Arrays of the root that are appended to.
+const LISTS: [&str; 10] = [
+    "accessors",
+    "bufferViews",
+    "buffers",
+    "extensionsUsed",
+    "images",
+    "materials",
+    "meshes",
+    "nodes",
+    "samplers",
+    "textures",
+];
+
 /// Where new bytes go.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Home {
@@ -68,8 +82,17 @@ impl AsRef<[u8]> for Piece<'_> {
 
 impl<'a> Edit<'a> {
     /// Begins with the input as it is, to be wrapped as `form`.
-    pub fn new(document: &'a Document, form: Form) -> Self {
+    pub fn new(document: &'a Document, form: Form) -> Result<Self> {
         let json = document.json.clone();
+        for list in LISTS {
+            if json.get(list).is_some_and(|value| !value.is_array()) {
+                let at = document.path.display().to_string();
+                return Err(Error::invalid(
+                    at,
+                    format!("\"{list}\" is not an array: export the scene again"),
+                ));
+            }
+        }
         let buffers = items(&json, "buffers");
         let first = buffers.first();
         let bin_is_first = bin(document).is_some()
@@ -99,7 +122,7 @@ impl<'a> Edit<'a> {
         if form == Form::Json {
             edit.warn_of_lost_chunks(bin_is_first);
         }
-        edit
+        Ok(edit)
     }
 
     /// Appends to a top-level array and returns the index.

@@ -2,6 +2,7 @@
 
 use super::append::{Edit, extension, index_at, items, remove_extension};
 use crate::options::{ExportOptions, LampsOut, LightPart};
+use crate::scene::Scene;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
@@ -67,6 +68,15 @@ fn tag(edit: &mut Edit, lit: &[(usize, usize)]) {
     for lamp in refused {
         edit.warn(format!("lamp {lamp}"), "its extras are not an object, so \"baked\" was not added to them");
     }
+}
+
+/// The glTF scene that a baked scene came from: the first that holds its objects, the default one before others.
+pub(in super::super) fn scene_of(json: &Value, baked: &Scene) -> Option<usize> {
+    let count = items(json, "scenes").len();
+    let default = index_at(json, "scene").unwrap_or(0);
+    let Some(surface) = baked.surfaces.first() else { return (default < count).then_some(default) };
+    let mut scenes = std::iter::once(default).filter(|&scene| scene < count).chain(0..count);
+    scenes.find(|&scene| nodes_of(json, Some(scene)).contains(&surface.origin.node))
 }
 
 /// The nodes of a scene, in order; all nodes where the file has no scene.

@@ -98,7 +98,8 @@ fn wearers<'a>(edit: &Edit, scene: &Scene, atlas: &'a Atlas) -> Result<Vec<Weare
         let mesh = items(json, "meshes").get(origin.mesh);
         let primitive =
             mesh.and_then(|mesh| mesh.get("primitives")?.get(origin.primitive)?.get("attributes"));
-        if node.is_none() || !primitive.is_some_and(Value::is_object) {
+        let whole = front.uv_texels.len() == front.unwrap.source_vertex.len();
+        if node.is_none() || !primitive.is_some_and(Value::is_object) || !whole {
             return Err(foreign(&origin.name));
         }
         let wearer = found.entry((origin.node, origin.instance)).or_insert_with(|| Wearer {
@@ -114,7 +115,10 @@ fn wearers<'a>(edit: &Edit, scene: &Scene, atlas: &'a Atlas) -> Result<Vec<Weare
 }
 
 fn foreign(name: &str) -> Error {
-    Error::invalid(name, "this object is not in the file that was read; this is a fault of the program")
+    Error::invalid(
+        name,
+        "this object, or its place on the page, is not the file's; this is a fault of the program",
+    )
 }
 
 /// Meshes whose users all get lightmaps: the first of them may wear the mesh itself.

@@ -9,7 +9,7 @@ mod meshes;
 mod texcoord;
 mod vertices;
 
-pub(super) use append::{Edit, extension, items, set_extension};
-pub(super) use lamps::settle as settle_lamps;
+pub(super) use append::{Edit, extension, set_extension};
+pub(super) use lamps::{scene_of, settle as settle_lamps};
 pub(super) use meshes::{Worn, dress};
 pub(super) use texcoord::LIGHTMAP;
