@@ -6,7 +6,7 @@ use crate::elements::{self, Elements, Lookup};
 use crate::error::{Error, Result, Warning};
 use crate::export::{self, Metadata};
 use crate::gather::{self, Surroundings};
-use crate::options::{BakeOptions, LampUnits, LightPart, Store};
+use crate::options::{BakeOptions, LightPart, Store};
 use crate::plan::{self, Plan};
 use crate::progress::{Observer, Progress, Silent, Stage};
 use crate::report::{self, AtlasReport, EnergyReport, LightReport, Report, StageReport};
@@ -164,7 +164,6 @@ fn metadata(options: &BakeOptions, scene: &Scene, lit: &Lit) -> Metadata {
         generator: concat!("lightkiln ", env!("CARGO_PKG_VERSION")).to_owned(),
         settings: serde_json::to_value(options).unwrap_or_default(),
         convergence: vec![("unshot".to_owned(), lit.light.unshot_fraction)],
-        photometric: scene.lamp_units == LampUnits::Gltf,
         scene: scene.index,
     }
 }

@@ -73,8 +73,8 @@ fn pairs(triangles: &[[DVec2; 3]]) -> Option<bool> {
     };
     let mut first = vec![0u32; columns * rows + 1];
     let mut entries = 0;
-    for t in 0..triangles.len() {
-        let [from, to] = [cell(boxes[t][0]), cell(boxes[t][1])];
+    for (t, corners) in boxes.iter().enumerate() {
+        let [from, to] = [cell(corners[0]), cell(corners[1])];
         entries += (to[0] - from[0] + 1) * (to[1] - from[1] + 1);
         if entries > EFFORT * triangles.len() + 10_000 {
             return None;
