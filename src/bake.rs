@@ -213,12 +213,13 @@ fn shine<T: Tracer>(
     })?;
     let faint = Faint::new(&elements, &emitters, &direct);
     let lookup = Lookup::new(scene, &atlas, tracer.world(), &elements);
-    let patches = elements::patches(&elements, effort.solve.patches);
+    let (patches, adapt_rays) =
+        elements::adapt(&elements, elements::patches(&elements, effort.solve.patches), tracer);
     let coarse = log.stage(Stage::Solve, u64::from(effort.solve.patches), |progress| {
         let surfaces = Surfaces { elements: &elements, lookup: &lookup, patches: &patches, tracer };
         let radiance = |direction| sky.radiance(direction);
         let coarse = coarse(&surfaces, &direct, faint.as_ref(), &radiance, &effort.solve, progress)?;
-        let rays = coarse.rays;
+        let rays = coarse.rays + adapt_rays;
         Ok((coarse, rays))
     })?;
     let indirect = log.stage(Stage::Gather, count, |progress| {

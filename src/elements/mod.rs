@@ -1,5 +1,6 @@
 //! Atlas -> texel footprints on surfaces: the receivers of light.
 
+mod adapt;
 mod band;
 mod cells;
 mod charts;
@@ -21,6 +22,7 @@ pub(crate) mod testing;
 mod tests;
 mod validity;
 
+pub use adapt::adapt;
 pub use lookup::{Lookup, Weights};
 pub use patches::{NO_PATCH, Patches, patches};
 pub use rasterise::{Noticed, rasterise};

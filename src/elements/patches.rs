@@ -53,6 +53,27 @@ impl Patches {
         &self.elements[self.range_of(patch)]
     }
 
+    /// Appends a patch of valid elements.
+    pub(super) fn push(&mut self, elements: &Elements, members: impl IntoIterator<Item = u32>) {
+        let (mut area, mut color, mut position, mut normal) = (0.0, DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        let patch = self.len() as u32;
+        for e in members {
+            let i = e as usize;
+            self.patch_of_element[i] = patch;
+            self.elements.push(e);
+            let a = f64::from(elements.area[i].0);
+            area += a;
+            color += elements.reflectance[i].0.as_dvec3() * a;
+            position += elements.position_world[i].as_dvec3() * a;
+            normal += elements.normal_geometric[i].as_dvec3() * a;
+        }
+        self.first.push(self.elements.len() as u32);
+        self.area.push(area);
+        self.reflectance.push(Reflectance::clamped((color / area).as_vec3()));
+        self.position_world.push((position / area).as_vec3());
+        self.normal_world.push((normal / area).as_vec3());
+    }
+
     /// Where the elements of a patch stand in [`Self::elements`].
     pub fn range_of(&self, patch: u32) -> Range<usize> {
         self.first[patch as usize] as usize..self.first[patch as usize + 1] as usize
@@ -83,25 +104,9 @@ fn collect(elements: &Elements, order: &[u32], cells: &[Cell], mut groups: Vec<V
         ..Patches::default()
     };
     for (patch, group) in (0..).zip(groups) {
-        let (mut area, mut color, mut position, mut normal) = (0.0, DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
-        for &e in group.iter().flat_map(|&c| &order[cells[c as usize].range.clone()]) {
-            let i = e as usize;
-            patches.patch_of_element[i] = patch;
-            if !elements.valid[i] {
-                continue;
-            }
-            patches.elements.push(e);
-            let a = f64::from(elements.area[i].0);
-            area += a;
-            color += elements.reflectance[i].0.as_dvec3() * a;
-            position += elements.position_world[i].as_dvec3() * a;
-            normal += elements.normal_geometric[i].as_dvec3() * a;
-        }
-        patches.first.push(patches.elements.len() as u32);
-        patches.area.push(area);
-        patches.reflectance.push(Reflectance::clamped((color / area).as_vec3()));
-        patches.position_world.push((position / area).as_vec3());
-        patches.normal_world.push((normal / area).as_vec3());
+        let members = || group.iter().flat_map(|&c| &order[cells[c as usize].range.clone()]).copied();
+        members().for_each(|e| patches.patch_of_element[e as usize] = patch);
+        patches.push(elements, members().filter(|&e| elements.valid[e as usize]));
     }
     adopt_buried(elements, order, &mut patches);
     patches

@@ -1,0 +1,96 @@
+//! Patches cut finer where what they see changes.
+
+use super::{Elements, NO_PATCH, Patches};
+use crate::sampling::{cosine_hemisphere, frame, sobol4, to_world};
+use crate::transport::{Ray, Tracer};
+use glam::Vec3;
+use rayon::prelude::*;
+
+/// Elements of a patch that look around.
+const VIEWERS: usize = 16;
+/// Rays each of them sends.
+const RAYS: u32 = 8;
+/// A patch is cut where the nearness of what its elements see differs by this factor.
+const CHANGE: f32 = 3.0;
+/// Patches of fewer elements stay whole.
+const FEWEST: usize = 8;
+/// Each round cuts a patch into four.
+const ROUNDS: u32 = 3;
+/// No patch is cut beyond this number of patches.
+const MOST: usize = 1 << 17;
+
+/// Cuts patches into quarters, again and again, where some of their elements stand close to other surfaces and some
+/// do not: behind furniture, under a table, along an edge. One value for both would carry light where none gets to.
+/// Returns the patches and the number of rays that took.
+pub fn adapt<T: Tracer>(elements: &Elements, mut patches: Patches, tracer: &T) -> (Patches, u64) {
+    let directions: Vec<Vec3> = sobol4(RAYS, 0, 8).iter().map(|p| cosine_hemisphere(p[0], p[1])).collect();
+    let mut rays = 0;
+    let mut fresh: Vec<bool> = vec![true; patches.len()];
+    for _ in 0..ROUNDS {
+        let uneven: Vec<bool> = (0..patches.len())
+            .into_par_iter()
+            .map(|patch| {
+                fresh[patch] && is_uneven(elements, patches.elements_of(patch as u32), &directions, tracer)
+            })
+            .collect();
+        rays += fresh.iter().filter(|f| **f).count() as u64 * (VIEWERS as u64) * u64::from(RAYS);
+        let cuts = uneven.iter().filter(|u| **u).count();
+        if cuts == 0 || patches.len() + 3 * cuts > MOST {
+            break;
+        }
+        (patches, fresh) = cut(elements, &patches, &uneven);
+    }
+    (patches, rays)
+}
+
+fn is_uneven<T: Tracer>(elements: &Elements, members: &[u32], directions: &[Vec3], tracer: &T) -> bool {
+    if members.len() < FEWEST {
+        return false;
+    }
+    let viewers = VIEWERS.min(members.len());
+    let (mut least, mut most) = (f32::INFINITY, 0.0_f32);
+    for k in 0..viewers {
+        let e = members[k * members.len() / viewers] as usize;
+        let normal = elements.normal_geometric[e];
+        let frame = frame(normal, elements.half_u_world[e]);
+        let origin = tracer.world().offset_origin(elements.triangle[e], elements.position_world[e], normal);
+        let nearness: f32 = directions
+            .iter()
+            .filter_map(|&d| tracer.closest(&Ray::unbounded(origin, to_world(&frame, d))))
+            .map(|hit| 1.0 / hit.t)
+            .sum();
+        least = least.min(nearness);
+        most = most.max(nearness);
+    }
+    // What is further away than the patch is wide changes little across it, whatever the ratio.
+    let width = members.iter().map(|&e| elements.area[e as usize].0).sum::<f32>().sqrt();
+    most > CHANGE * least && most * width > directions.len() as f32 * 0.5
+}
+
+/// Members stand along a Z-order curve: quarters of the list are quarters of the square.
+fn cut(elements: &Elements, patches: &Patches, which: &[bool]) -> (Patches, Vec<bool>) {
+    let mut next = Patches {
+        patch_of_element: vec![NO_PATCH; elements.len()],
+        elements: Vec::with_capacity(patches.elements.len()),
+        first: vec![0],
+        ..Patches::default()
+    };
+    let mut fresh = Vec::new();
+    let mut first_part = Vec::with_capacity(patches.len());
+    for patch in 0..patches.len() as u32 {
+        let members = patches.elements_of(patch);
+        let parts = if which[patch as usize] { 4 } else { 1 };
+        first_part.push(next.len() as u32);
+        for part in 0..parts {
+            let part = &members[part * members.len() / parts..(part + 1) * members.len() / parts];
+            next.push(elements, part.iter().copied());
+            fresh.push(parts > 1);
+        }
+    }
+    for (e, old) in patches.patch_of_element.iter().enumerate() {
+        if next.patch_of_element[e] == NO_PATCH && *old != NO_PATCH {
+            next.patch_of_element[e] = first_part[*old as usize];
+        }
+    }
+    (next, fresh)
+}
