@@ -280,7 +280,7 @@ impl Builder {
     /// The whole JSON: `rest` is merged into what was collected.
     pub fn json(&self, rest: Value) -> Value {
         let mut json = json!({
-            "asset": {"version": "2.0"},
+            "asset": {"version": "2.0", "generator": "Khronos glTF Blender I/O v4.5.51"},
             "scene": 0,
             "buffers": [{"byteLength": self.bin.len()}],
             "bufferViews": self.views,

@@ -179,6 +179,12 @@ fn what_is_stored_decides_what_viewers_multiply_with() {
         assert_eq!(page.attributes[&format!("lightkiln.{name}")], wanted);
     }
 
+    // Lamps that another program wrote are in candela and lux, and then so is the light.
+    let rest = json!({"asset": {"version": "2.0"}});
+    let photometric = scene(&[json!([wears(0)])], json!([{}]), rest);
+    let baked = Baked::new("in.glb", &photometric, Cut::Nowhere);
+    assert_eq!(baked.json()["scenes"][0]["extras"]["lightmaps"][0]["unit"], "cd/m^2");
+
     let baked = with(Store::Radiosity, LightPart::Full);
     assert_eq!(
         baked.json()["materials"],

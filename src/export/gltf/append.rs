@@ -5,6 +5,7 @@ use crate::error::{Error, Result, Warning};
 use crate::import::{Container, Document};
 use base64::Engine;
 use serde_json::{Map, Value, json};
+use std::borrow::Cow;
 
 /// `bufferView.target` of vertex attributes.
 pub(in super::super) const ARRAY_BUFFER: u32 = 34962;
@@ -154,7 +155,11 @@ impl<'a> Edit<'a> {
 
     /// Appends an accessor of texture coordinates.
     pub fn texcoords(&mut self, uv: &[[f32; 2]]) -> usize {
-        let bytes: Vec<u8> = uv.iter().flatten().flat_map(|x| x.to_le_bytes()).collect();
+        let bytes: Cow<[u8]> = if cfg!(target_endian = "little") {
+            bytemuck::cast_slice(uv).into()
+        } else {
+            uv.iter().flatten().flat_map(|x| x.to_le_bytes()).collect()
+        };
         let view = self.view(&bytes, Some(ARRAY_BUFFER), None);
         self.push(
             "accessors",
