@@ -27,7 +27,7 @@ const MAY_NAME: [(&str, &[&str]); 24] = [
     ("direct", &["scene", "plan", "atlas", "transport", "elements"]),
     ("solve", &["plan", "transport"]),
     ("solve/assemble.rs", &["plan", "transport", "elements"]),
-    ("solve/coarse.rs", &["plan", "transport", "elements"]),
+    ("solve/coarse.rs", &["plan", "transport", "elements", "direct"]),
     ("gather", &["scene", "plan", "atlas", "transport", "elements", "direct", "solve"]),
     ("resolve", &["scene", "plan", "atlas", "transport", "elements", "direct", "solve", "gather"]),
     ("export", &["scene", "import", "plan", "atlas", "elements", "resolve"]),

@@ -21,7 +21,9 @@ import numpy as np
 
 import blender_snapshot as snapshot
 
+# What a bake adds: where its light is, to every node, and the list of its pages, to the scene.
 ADDED_PROPERTY = "lightmap"
+ADDED_TO_SCENE = "lightmaps"
 # Blender packs an imported normal into 16-bit cosines, in a frame that depends on the neighbours; near 1 a cosine that
 # coarse is off by sqrt(2 / 32767) in the angle. A split vertex has other neighbours: its normal comes back different.
 NORMAL_TOLERANCE = 1e-2
@@ -78,9 +80,13 @@ def may_be_copied(name):
 
 
 def without_added(properties):
-    """Custom properties minus the one entry that a bake adds."""
+    """Custom properties minus the entries that a bake adds."""
+
+    def added(owner):
+        return ADDED_TO_SCENE if owner.startswith("scenes ") else ADDED_PROPERTY
+
     return {
-        owner: {key: value for key, value in held.items() if key != ADDED_PROPERTY}
+        owner: {key: value for key, value in held.items() if key != added(owner)}
         for owner, held in properties.items()
     }
 

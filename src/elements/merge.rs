@@ -4,10 +4,6 @@ use super::Elements;
 use super::cells::Cell;
 use glam::{DVec3, Vec3};
 
-/// Cells are not joined below this number, however few patches are wanted: a patch that lies on both sides of a wall
-/// carries light through it, which costs more error than the rays of a patch cost time.
-const MOST: usize = 1 << 16;
-
 /// What cells must share to be joined, from the strictest on.
 const RULES: [Rule; 4] = [
     Rule { surface: true, direction: true },
@@ -33,17 +29,16 @@ struct Small {
     place: u64,
 }
 
-/// Groups of cells, each a patch: one cell each as long as there are at most [`MOST`] or 1.5 × `wanted`; else cells below a quarter
+/// Groups of cells, each a patch: one cell each as long as there are at most `most`; else cells below a quarter
 /// of `target` are joined with their neighbours, up to `target`, under the strictest rule that suffices.
 pub(super) fn merge(
     elements: &Elements,
     order: &[u32],
     cells: &[Cell],
     target: f64,
-    wanted: u32,
+    most: usize,
 ) -> Vec<Vec<u32>> {
     let single = |i: u32| vec![i];
-    let most = (wanted as usize + wanted as usize / 2).max(MOST);
     if cells.len() <= most {
         return (0..cells.len() as u32).map(single).collect();
     }

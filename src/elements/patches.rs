@@ -10,6 +10,10 @@ use std::ops::Range;
 /// No patch: there are none, since all elements are buried.
 pub const NO_PATCH: u32 = u32::MAX;
 
+/// Cells are not joined below this number, however few patches are wanted: a patch that lies on both sides of a wall
+/// carries light through it, which costs more error than the rays of a patch cost time.
+pub(super) const MOST: usize = 1 << 16;
+
 /// A partition of the valid elements.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Patches {
@@ -84,9 +88,14 @@ impl Patches {
 /// least one a chart. Where that makes more than 65,536, small neighbouring ones share a patch: of one surface and
 /// direction first, of any surface where that does not suffice. Ordered by their first element.
 pub fn patches(elements: &Elements, wanted: u32) -> Patches {
+    patches_within(elements, wanted, MOST)
+}
+
+/// The same where cells are joined beyond `most` patches, or 1.5 × `wanted` if that is more.
+pub(super) fn patches_within(elements: &Elements, wanted: u32, most: usize) -> Patches {
     let wanted = wanted.max(1);
     let (order, cells, target) = cells(elements, wanted);
-    let groups = merge(elements, &order, &cells, target, wanted);
+    let groups = merge(elements, &order, &cells, target, most.max(wanted as usize + wanted as usize / 2));
     collect(elements, &order, &cells, groups)
 }
 

@@ -59,7 +59,7 @@ impl Target {
 
     /// A companion's path.
     pub fn beside(&self, name: &str) -> PathBuf {
-        self.folder().join(name)
+        self.path.with_file_name(name)
     }
 
     /// The folder it all goes to.

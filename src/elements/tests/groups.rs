@@ -1,5 +1,6 @@
 //! Patches, and the same bytes for any number of threads.
 
+use crate::elements::patches::{MOST, patches_within};
 use crate::elements::testing::{Piece, Stand};
 use crate::elements::{Patches, patches};
 use crate::scene::MaterialId;
@@ -26,8 +27,12 @@ fn crowd(boxes: u32) -> Stand {
 }
 
 fn assert_partition(stand: &Stand, wanted: u32) -> Patches {
+    assert_partition_within(stand, wanted, MOST)
+}
+
+fn assert_partition_within(stand: &Stand, wanted: u32, most: usize) -> Patches {
     let elements = stand.elements();
-    let patches = patches(&elements, wanted);
+    let patches = patches_within(&elements, wanted, most);
     assert_eq!(patches.first.len(), patches.len() + 1);
     let mut seen = vec![false; elements.len()];
     for patch in 0..patches.len() as u32 {
@@ -78,8 +83,20 @@ fn many_charts_share_patches() {
     // 300 boxes of five visible faces, 24 m² of boxes beside 150 m² of room.
     let stand = crowd(300);
     for wanted in [1, 10, 100, 1000] {
-        let count = assert_partition(&stand, wanted).len();
+        let count = assert_partition_within(&stand, wanted, 0).len();
         assert!(count <= 2 * wanted as usize + 1, "{count} of {wanted}");
+    }
+}
+
+#[test]
+fn charts_share_no_patch_while_they_are_few() {
+    let stand = crowd(300);
+    let elements = stand.elements();
+    let patches = patches(&elements, 10);
+    for patch in 0..patches.len() as u32 {
+        let charts: Vec<u32> =
+            patches.elements_of(patch).iter().map(|&e| elements.chart[e as usize]).collect();
+        assert!(charts.iter().all(|&c| c == charts[0]), "patch {patch} joins charts");
     }
 }
 
