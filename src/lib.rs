@@ -9,6 +9,8 @@
 //! patch's unshot power sent to all others. *form factor* F_ij: fraction of the power leaving i that arrives at j.
 //! *radiosity* b: W/m² leaving. *irradiance* E: W/m² arriving. *unshot power*: A_i Δb_i. *lamp*: punctual light.
 
+#![deny(unsafe_code)]
+
 pub mod error;
 pub mod options;
 pub mod progress;
@@ -20,6 +22,8 @@ pub mod scene;
 pub mod import;
 pub mod plan;
 pub mod atlas;
+// SIMD loads in the tree's traversal.
+#[allow(unsafe_code)]
 pub mod transport;
 pub mod elements;
 pub mod direct;

@@ -19,6 +19,7 @@ mod shape;
 mod tests;
 mod topology;
 mod weave;
+#[allow(unsafe_code)]
 mod xatlas;
 
 use crate::error::{Error, Result};
