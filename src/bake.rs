@@ -5,7 +5,7 @@ use crate::direct::{self, Faint};
 use crate::elements::{self, Elements, Lookup};
 use crate::error::{Error, Result, Warning};
 use crate::export::{self, Metadata};
-use crate::gather::{self, Surroundings};
+use crate::gather::{self, Bright, Surroundings};
 use crate::options::{BakeOptions, LightPart, Store};
 use crate::plan::{self, Plan};
 use crate::progress::{Observer, Progress, Silent, Stage};
@@ -224,14 +224,16 @@ fn shine<T: Tracer>(
     })?;
     let indirect = log.stage(Stage::Gather, count, |progress| {
         let smooth = gather::spread_over_elements(&elements, &patches, &coarse.irradiance);
-        let radiosity: Vec<Radiosity> = (0..elements.len())
+        let mut radiosity: Vec<Radiosity> = (0..elements.len())
             .map(|e| elements.reflectance[e] * (direct.irradiance[e] + smooth[e]))
             .collect();
+        let bright = Bright::take(&elements, &patches, &mut radiosity);
         let around = Surroundings {
             tracer,
             radiosity: |hit: &Hit| lookup.element_at(hit).map_or(Radiosity::ZERO, |e| radiosity[e as usize]),
             sky: &sky,
             faint: faint.as_ref(),
+            bright: bright.as_ref(),
         };
         let indirect = gather::gather(&elements, &direct, &smooth, &around, &effort.gather, progress);
         let rays = indirect.rays;

@@ -75,13 +75,15 @@ impl DirectionSet {
             nearness += 1.0 / first;
         }
         let count = self.local.len() as f32;
-        let (faint, rays) =
-            around.faint.map_or((Irradiance::ZERO, 0), |faint| faint.irradiance(element, around.tracer));
+        let none = (Irradiance::ZERO, 0);
+        let (faint, faint_rays) = around.faint.map_or(none, |faint| faint.irradiance(element, around.tracer));
+        let (bright, bright_rays) =
+            around.bright.map_or(none, |bright| bright.irradiance(elements, element, around.tracer));
         let gathered = Gathered {
-            irradiance: Irradiance((reflected + sky * PI) / count) + faint,
+            irradiance: Irradiance((reflected + sky * PI) / count) + faint + bright,
             distance_m: count / nearness.max(f32::MIN_POSITIVE),
         };
-        (gathered, rays + self.local.len() as u64)
+        (gathered, faint_rays + bright_rays + self.local.len() as u64)
     }
 }
 

@@ -4,10 +4,12 @@
 //! (Reichert 1992; Lischinski, Tampieri & Greenberg 1993). It is done at the nodes of an adaptive grid in texture
 //! space; where neighbouring nodes agree, the elements between them are interpolated.
 
+mod bright;
 mod cells;
 mod hemisphere;
 mod smooth;
 
+pub use bright::Bright;
 pub use hemisphere::{DirectionSet, Gathered};
 pub use smooth::spread_over_elements;
 
@@ -29,6 +31,8 @@ pub struct Surroundings<'a, T, S> {
     pub sky: &'a Sky,
     /// Emitters that are too many and too faint for every texel, where there are such.
     pub faint: Option<&'a Faint<'a>>,
+    /// Patches too bright to be met by chance, where there are such; `radiosity` does not hold them.
+    pub bright: Option<&'a Bright>,
 }
 
 /// What the stage found.
