@@ -2,7 +2,7 @@
 
 use super::{Elements, NO_PATCH, Patches};
 use crate::sampling::{cosine_hemisphere, frame, sobol4, to_world};
-use crate::transport::{Ray, Tracer};
+use crate::transport::{Ray, Tracer, segment};
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -16,11 +16,16 @@ const CHANGE: f32 = 3.0;
 const FEWEST: usize = 8;
 /// Each round cuts a patch into four.
 const ROUNDS: u32 = 3;
+/// Parts of a patch that a wall stands on, at the most.
+const MOST_PARTS: usize = 4;
+/// Squared length of a patch's mean normal from which it counts as flat.
+const FLAT: f32 = 0.9999;
 /// No patch is cut beyond this number of patches.
 const MOST: usize = 1 << 17;
 
 /// Cuts patches into quarters, again and again, where some of their elements stand close to other surfaces and some
-/// do not: behind furniture, under a table, along an edge. One value for both would carry light where none gets to.
+/// do not: behind furniture, under a table, along an edge; then parts flat ones along the walls that stand on them. One
+/// value for both sides would carry light where none gets to.
 /// Returns the patches and the number of rays that took.
 pub fn adapt<T: Tracer>(elements: &Elements, mut patches: Patches, tracer: &T) -> (Patches, u64) {
     let directions: Vec<Vec3> = sobol4(RAYS, 0, 8).iter().map(|p| cosine_hemisphere(p[0], p[1])).collect();
@@ -38,9 +43,23 @@ pub fn adapt<T: Tracer>(elements: &Elements, mut patches: Patches, tracer: &T) -
         if cuts == 0 || patches.len() + 3 * cuts > MOST {
             break;
         }
-        (patches, fresh) = cut(elements, &patches, &uneven);
+        let parts: Vec<_> = (0..patches.len())
+            .map(|patch| uneven[patch].then(|| quarters(patches.elements_of(patch as u32))))
+            .collect();
+        (patches, fresh) = cut(elements, &patches, &parts);
     }
-    (patches, rays)
+    let parts: Vec<_> = (0..patches.len())
+        .into_par_iter()
+        .map(|patch| {
+            let members = patches.elements_of(patch as u32);
+            if patches.normal_world[patch].length_squared() < FLAT {
+                return None;
+            }
+            Some(seen_parts(elements, members, tracer)).filter(|parts| parts.len() > 1)
+        })
+        .collect();
+    rays += patches.elements.len() as u64;
+    (cut(elements, &patches, &parts).0, rays)
 }
 
 fn is_uneven<T: Tracer>(elements: &Elements, members: &[u32], directions: &[Vec3], tracer: &T) -> bool {
@@ -68,7 +87,31 @@ fn is_uneven<T: Tracer>(elements: &Elements, members: &[u32], directions: &[Vec3
 }
 
 /// Members stand along a Z-order curve: quarters of the list are quarters of the square.
-fn cut(elements: &Elements, patches: &Patches, which: &[bool]) -> (Patches, Vec<bool>) {
+fn quarters(members: &[u32]) -> Vec<Vec<u32>> {
+    (0..4).map(|k| members[k * members.len() / 4..(k + 1) * members.len() / 4].to_vec()).collect()
+}
+
+/// Parts of a flat patch whose members see the part's middle: a wall that stands on a patch parts it.
+fn seen_parts<T: Tracer>(elements: &Elements, members: &[u32], tracer: &T) -> Vec<Vec<u32>> {
+    let origin = |e: u32| {
+        let e = e as usize;
+        let (position, normal) = (elements.position_world[e], elements.normal_geometric[e]);
+        tracer.world().offset_origin(elements.triangle[e], position, normal)
+    };
+    let mut left = members.to_vec();
+    let mut parts = Vec::new();
+    while parts.len() + 1 < MOST_PARTS && !left.is_empty() {
+        let from = origin(left[left.len() / 2]);
+        let (seen, hidden) = left.iter().partition(|&&e| !tracer.occluded(&segment(from, origin(e))));
+        parts.push(seen);
+        left = hidden;
+    }
+    parts.extend((!left.is_empty()).then_some(left));
+    parts
+}
+
+/// Replaces every patch by its parts; tells which are new.
+fn cut(elements: &Elements, patches: &Patches, parts: &[Option<Vec<Vec<u32>>>]) -> (Patches, Vec<bool>) {
     let mut next = Patches {
         patch_of_element: vec![NO_PATCH; elements.len()],
         elements: Vec::with_capacity(patches.elements.len()),
@@ -77,15 +120,13 @@ fn cut(elements: &Elements, patches: &Patches, which: &[bool]) -> (Patches, Vec<
     };
     let mut fresh = Vec::new();
     let mut first_part = Vec::with_capacity(patches.len());
-    for patch in 0..patches.len() as u32 {
-        let members = patches.elements_of(patch);
-        let parts = if which[patch as usize] { 4 } else { 1 };
+    for (patch, parts) in (0..).zip(parts) {
         first_part.push(next.len() as u32);
-        for part in 0..parts {
-            let part = &members[part * members.len() / parts..(part + 1) * members.len() / parts];
-            next.push(elements, part.iter().copied());
-            fresh.push(parts > 1);
+        match parts {
+            Some(parts) => parts.iter().for_each(|part| next.push(elements, part.iter().copied())),
+            None => next.push(elements, patches.elements_of(patch).iter().copied()),
         }
+        fresh.resize(next.len(), parts.is_some());
     }
     for (e, old) in patches.patch_of_element.iter().enumerate() {
         if next.patch_of_element[e] == NO_PATCH && *old != NO_PATCH {
