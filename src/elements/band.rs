@@ -52,6 +52,8 @@ impl<T: Tracer> Work<'_, T> {
             spots: Vec::new(),
             valid: Vec::new(),
         };
+        let mut mapped: Vec<Mapped> = Vec::new();
+        let mut last: &[Piece] = &[];
         for texel in 0..start.len() - 1 {
             let pieces = &pieces[start[texel] as usize..start[texel + 1] as usize];
             if pieces.is_empty() {
@@ -59,7 +61,12 @@ impl<T: Tracer> Work<'_, T> {
             }
             let x = band.columns.start + (texel % width) as i32;
             let y = band.rows.start + (texel / width) as i32;
-            let mapped: Vec<Mapped> = pieces.iter().map(|p| chart.mapped(p.triangle)).collect();
+            // Neighbouring texels mostly lie in the same triangles.
+            if !pieces.iter().map(|p| p.triangle).eq(last.iter().map(|p| p.triangle)) {
+                mapped.clear();
+                mapped.extend(pieces.iter().map(|p| chart.mapped(p.triangle)));
+                last = pieces;
+            }
             let footprint = Footprint { corner: corner(x, y), pieces, mapped: &mapped };
             let means = self.footprints.means(chart, &footprint);
             if means.emission.0.max_element() > 0.0 {

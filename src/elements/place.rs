@@ -79,24 +79,20 @@ impl<T: Tracer> Judge<'_, T> {
 
     /// The nearest other point of the texel that is better off.
     fn elsewhere(&self, probe: &Probe<T>, draft: &Draft, i: usize, verdict: Verdict) -> Option<Spot> {
-        if let Verdict::Buried { clearance_m } = verdict {
-            // A wall runs through the texel only if one is nearer than the texel's corners; the low rays see it at
-            // most 1/cos 45° farther away than it is.
-            let [u, v] = draft.spots[i].per_texel;
-            if clearance_m > 1.5 * (u.length() + v.length()) {
-                return None;
-            }
-        }
         let (corner, pieces) = draft.texels[i];
         let mapped: Vec<Mapped> = pieces.iter().map(|p| draft.chart.mapped(p.triangle)).collect();
         let footprint = Footprint { corner, pieces, mapped: &mapped };
         let mut crowded = None;
         for place in footprint.others() {
+            let offset = mapped[place.piece].point(place.weights).as_vec3() - draft.spots[i].on_plane;
+            if matches!(verdict, Verdict::Buried(walls) if !walls.may_end_before(offset)) {
+                continue;
+            }
             let other = spot(&draft.chart, &footprint, &place, probe);
             match self.judge(probe, &other) {
                 Verdict::Free => return Some(other),
                 Verdict::Crowded => crowded = crowded.or(Some(other)),
-                Verdict::Buried { .. } => {}
+                Verdict::Buried(_) => {}
             }
         }
         // Crowded everywhere: better beside something than inside it, and where it was rather than elsewhere.

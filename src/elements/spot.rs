@@ -20,7 +20,13 @@ pub(super) struct Spot {
     pub per_texel: [Vec3; 2],
     /// Half the footprint's width, texels.
     pub reach: f32,
+    /// What lies closer above the sample than this covers it, metres; 0 on pages that nobody looks at.
+    pub pressed_m: f32,
 }
+
+/// Something opaque above a sample and nearer than this share of the footprint's size covers it, when it lies about
+/// parallel: the slit is too narrow for the lightmap to show how light fades into it.
+const PRESSED: f64 = 0.125;
 
 /// The least cosine between the shading and the geometric normal: the lit hemisphere stays one the sample can see.
 const LEAST_COSINE: f32 = 0.05;
@@ -50,6 +56,7 @@ pub(super) fn spot(
         triangle: world_triangle,
         per_texel: mapped.per_texel().map(|v| v.as_vec3()),
         reach: place.reach as f32,
+        pressed_m: if chart.exported { (PRESSED * footprint.area().sqrt()) as f32 } else { 0.0 },
     };
     if !scene.geometry(surface).smooth {
         return spot;

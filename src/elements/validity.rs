@@ -44,24 +44,32 @@ pub(super) enum Verdict {
     Free,
     /// Something crosses the surface within `COMFORTABLE` texels.
     Crowded,
-    /// Inside something, or covered closely, whose nearest side is that many metres away or more.
-    Buried {
-        clearance_m: f32,
-    },
+    /// Inside something, or covered closely.
+    Buried(Walls),
 }
 
-/// Directions in the frame (along u, across it, normal): the normal, then rings of equal elevation (degrees), from
-/// the horizon up. The lowest ring looks far enough under any ceiling to find a wall that faces the room.
+/// What stands around a buried sample: horizontal directions and the distances at which low rays meet the inside of
+/// something there, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Walls([(Vec3, f32); LOW]);
+
+impl Walls {
+    /// Whether a point that far from the sample may lie beyond a wall. The nearest direction is at most 22.5° off the
+    /// wall's normal, in which the ray sees the wall 1/cos farther away and the way to the point cos shorter: cos² is
+    /// 0.85.
+    pub(super) fn may_end_before(&self, offset_world: Vec3) -> bool {
+        self.0.iter().any(|(direction, distance_m)| offset_world.dot(*direction) >= 0.8 * distance_m)
+    }
+}
+
+/// Rings of rays around the normal: elevation and first azimuth (degrees), number. The lowest looks far enough under
+/// any ceiling to find a wall that faces the room; the lowest two tell how far away the walls are, every 45°.
 const RINGS: [(f32, f32, u32); 4] = [(2.0, 11.0, 4), (14.0, 56.0, 4), (38.0, 20.0, 4), (64.0, 70.0, 3)];
 /// Rays after the normal one.
 const SLANTED: usize = 15;
-/// Of these, the ones near enough to the horizon to tell how far away the walls are.
+/// Of these, the ones near enough to the horizon to tell of walls.
 const LOW: usize = 8;
-/// Something opaque above a sample and nearer than this share of a texel covers it, when it lies about parallel: the
-/// slit is too narrow for the lightmap to show how light fades into it. What is steeper is the next facet of something
-/// rough.
-const PRESSED: f32 = 0.125;
-/// The least cosine between normals that are about parallel.
+/// What presses on a sample is about parallel, to this cosine; what is steeper is the next facet of something rough.
 const COVERS: f32 = 0.7;
 /// Surfaces a ray passes before it gives up and says that the sample is free.
 const MOST_PASSED: u32 = 8;
@@ -113,23 +121,22 @@ impl<'a, T: Tracer> Judge<'a, T> {
     /// Judges a sample among other geometry.
     pub(super) fn judge(&self, probe: &Probe<T>, spot: &Spot) -> Verdict {
         match self.buried(probe, spot) {
-            Some(clearance_m) => Verdict::Buried { clearance_m },
+            Some(walls) => Verdict::Buried(walls),
             None if self.crowded(probe, spot) => Verdict::Crowded,
             None => Verdict::Free,
         }
     }
 
-    /// How far the walls are when every ray finds the sample inside something.
-    pub(super) fn buried(&self, probe: &Probe<T>, spot: &Spot) -> Option<f32> {
+    /// What is around when every ray finds the sample inside something, or something presses on it.
+    pub(super) fn buried(&self, probe: &Probe<T>, spot: &Spot) -> Option<Walls> {
         let normal = spot.normal_geometric;
         let origin = self.world().offset_origin(spot.triangle, spot.position, normal);
         let up = Ray::unbounded(origin, normal);
         let first = probe.closest(&up)?;
         let matter = self.matter(first.triangle);
-        let [u, v] = spot.per_texel;
         let parallel = || self.world().normal(first.triangle).dot(normal).abs() > COVERS;
-        if matter != Matter::Clear && first.t < PRESSED * 0.5 * (u.length() + v.length()) && parallel() {
-            return Some(0.0);
+        if matter != Matter::Clear && first.t < spot.pressed_m && parallel() {
+            return Some(Walls([(Vec3::ZERO, 0.0); LOW]));
         }
         // The usual answer, without asking further: the sample sees the front of something.
         if first.front || matter != Matter::Solid {
@@ -140,15 +147,17 @@ impl<'a, T: Tracer> Judge<'a, T> {
             .try_normalize()
             .unwrap_or_else(|| normal.any_orthonormal_vector());
         let across = normal.cross(along);
-        let mut clearance_m = f32::INFINITY;
+        let mut walls = Walls([(Vec3::ZERO, 0.0); LOW]);
         for (i, [x, y, z]) in self.slanted.into_iter().enumerate() {
             let direction = (along * x + across * y + normal * z).normalize();
             let distance = self.inside_along(probe, Ray::unbounded(origin, direction))?;
             if i < LOW {
-                clearance_m = clearance_m.min(distance);
+                let flat = along * x + across * y;
+                let shorter = flat.length();
+                walls.0[i] = (flat / shorter, distance * shorter);
             }
         }
-        Some(clearance_m)
+        Some(walls)
     }
 
     /// The distance to the back that says that the ray's origin is inside; `None` when the ray says it is not.
