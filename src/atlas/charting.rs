@@ -24,8 +24,9 @@ const SECOND_SECONDS: f64 = 3e-5;
 /// Predicted seconds of the whole scene; where they would not do, the largest regions are cut into cones instead.
 /// Predicted, not measured, so that the result is the same on every machine.
 const BUDGET_SECONDS: f64 = 6.0;
-/// The last resort: a region that takes this long is given up. Only here the result depends on the machine's speed.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// The last resort: a region that takes this long is given up. Only here the result depends on the machine's speed, so
+/// it is a hundred times what the limits above allow.
+const PATIENCE: Duration = Duration::from_secs(300);
 /// xatlas and uvunwrap get pieces whose mean triangle has an area of a half. They are not asked to deal with
 /// triangles smaller than this, nor with pieces that have longer edges: f32 and their absolute tolerances fail there.
 const CRUMB_AREA: f64 = 1e-6;

@@ -19,8 +19,10 @@ const PLANE_COS: f64 = 0.999_96;
 const CONE_COS: f64 = 0.642;
 /// ...and never holds one further than this (66°): projection then squeezes to no less than 0.4.
 const CONE_LIMIT_COS: f64 = 0.4;
-/// Seeding rounds of the cone charts.
-const ROUNDS: usize = 8;
+/// Rounds in which cone charts move their seeds and get more of them.
+const ROUNDS: usize = 5;
+/// Rounds in which triangles that no cone reached get seeds of their own.
+const STRAY_ROUNDS: usize = 20;
 
 /// Area-weighted mean normal.
 fn mean_normal(topology: &Topology, triangles: &[u32]) -> Option<DVec3> {
@@ -77,14 +79,22 @@ pub(super) fn cones(
     let first = mean_normal(topology, triangles).unwrap_or(DVec3::Y);
     let mut seeds = vec![(work.best_seed(first), first)];
     for _ in 0..ROUNDS {
-        work.grow(&seeds, limit);
+        work.grow(&seeds, 0, limit);
         let (proxies, grown) = work.refit(&seeds, cone);
         seeds = proxies;
         if !grown {
             break;
         }
     }
-    work.grow(&seeds, limit);
+    work.grow(&seeds, 0, limit);
+    for _ in 0..STRAY_ROUNDS {
+        let known = seeds.len();
+        work.seed_strays(&mut seeds);
+        if seeds.len() == known {
+            break;
+        }
+        work.grow(&seeds, known, limit);
+    }
     work.groups(limit).into_iter().map(|(group, axis)| project(geometry, &group, axis)).collect()
 }
 
@@ -136,16 +146,19 @@ impl<'a> Cones<'a> {
             .unwrap_or(0)
     }
 
-    /// Floods from all seeds at once, the best fitting triangle first.
-    fn grow(&mut self, seeds: &[(u32, DVec3)], limit: f64) {
-        self.owner.fill(NONE);
+    /// Floods from all seeds from `first` on at once, the best fitting triangle first; what earlier seeds own stays,
+    /// if there are any.
+    fn grow(&mut self, seeds: &[(u32, DVec3)], first: usize, limit: f64) {
+        if first == 0 {
+            self.owner.fill(NONE);
+        }
         let mut claims = BinaryHeap::new();
         let claim = |row: u32, seed: usize, cost: f64| Claim {
             cheapness: !cost.max(0.0).to_bits(),
             row: std::cmp::Reverse(row),
             seed: std::cmp::Reverse(seed as u32),
         };
-        for (n, &(row, _)) in seeds.iter().enumerate() {
+        for (n, &(row, _)) in seeds.iter().enumerate().skip(first) {
             claims.push(claim(row, n, 0.0));
         }
         while let Some(Claim { row, seed, .. }) = claims.pop() {
@@ -177,11 +190,9 @@ impl<'a> Cones<'a> {
             sum.iter().zip(seeds).map(|(s, &(_, old))| s.try_normalize().unwrap_or(old)).collect();
         let mut best: Vec<(f64, u32)> = vec![(f64::NEG_INFINITY, NONE); seeds.len()];
         let mut worst: Vec<(f64, u32)> = vec![(f64::INFINITY, NONE); seeds.len()];
-        let mut strangers = Vec::new();
         for (row, &owner) in self.owner.iter().enumerate() {
             let row = row as u32;
             if owner == NONE {
-                strangers.push(row);
                 continue;
             }
             let fit = self.normal(row).dot(axis[owner as usize]);
@@ -202,14 +213,20 @@ impl<'a> Cones<'a> {
         for &(_, row) in worst.iter().filter(|&&(fit, row)| row != NONE && fit < cone) {
             next.push((row, self.normal(row)));
         }
-        // One seed for every connected patch that nobody reached.
+        self.seed_strays(&mut next);
+        let grown = next.len() > before;
+        (next, grown)
+    }
+
+    /// One seed for every connected patch that nobody reached.
+    fn seed_strays(&self, seeds: &mut Vec<(u32, DVec3)>) {
         let mut seen = vec![false; self.owner.len()];
-        for row in strangers {
-            if seen[row as usize] {
+        for row in 0..self.owner.len() as u32 {
+            if self.owner[row as usize] != NONE || seen[row as usize] {
                 continue;
             }
             seen[row as usize] = true;
-            next.push((row, self.normal(row)));
+            seeds.push((row, self.normal(row)));
             let mut patch = vec![row];
             while let Some(r) = patch.pop() {
                 for n in self.neighbours(r) {
@@ -220,8 +237,6 @@ impl<'a> Cones<'a> {
                 }
             }
         }
-        let grown = next.len() > before;
-        (next, grown)
     }
 
     /// Connected groups with their axes; triangles that do not fit their group's final axis, or that nobody reached,

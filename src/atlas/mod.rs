@@ -103,7 +103,7 @@ const LARGEST_PAGE: u32 = 16384;
 /// and rounded to whole texels. Between the texels that bilinear lookups of any two charts read there are at least
 /// `options.gutter` empty ones. Sides without any area get `None`.
 ///
-/// The result depends on the input alone, except that a part of a mesh that takes xatlas or uvunwrap half a minute is
+/// The result depends on the input alone, except that a part of a mesh that takes xatlas or uvunwrap five minutes is
 /// given up, which the warnings tell. Advances by one per geometry.
 ///
 /// # Errors
