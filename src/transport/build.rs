@@ -1,5 +1,6 @@
 //! The binary tree over boxes; the only file that names obvhs.
 
+use super::split::{Fragment, fragments};
 use glam::Vec3;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -23,12 +24,11 @@ pub(super) struct Binary {
 }
 
 impl Binary {
-    /// Builds over the given triangles; the boxes must be finite.
-    pub fn new(corners: &[[Vec3; 3]], triangles: &[u32]) -> Self {
-        let boxes: Vec<Aabb> = triangles
-            .iter()
-            .map(|&t| Aabb::from_points(&corners[t as usize].map(glam::Vec3A::from)))
-            .collect();
+    /// Builds over the given triangles, which must be finite; those that `may_split` stand in several leaves.
+    pub fn new(corners: &[[Vec3; 3]], triangles: &[u32], may_split: impl Fn(u32) -> bool) -> Self {
+        let fragments = fragments(corners, triangles, may_split);
+        let boxes: Vec<Aabb> =
+            fragments.iter().map(|f: &Fragment| Aabb::new(f.low.into(), f.high.into())).collect();
         let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(
             PlocSearchDistance::Medium,
             &boxes,
@@ -45,27 +45,34 @@ impl Binary {
         });
         Self {
             nodes: nodes.collect(),
-            primitives: bvh.primitive_indices.iter().map(|&i| triangles[i as usize]).collect(),
+            primitives: bvh.primitive_indices.iter().map(|&i| fragments[i as usize].triangle).collect(),
         }
     }
 
-    /// Primitives below each node.
-    pub fn counts(&self) -> Vec<u32> {
+    /// Nodes, every parent before its children.
+    pub fn order(&self) -> Vec<u32> {
         let mut order = Vec::with_capacity(self.nodes.len());
-        let mut open = vec![0];
+        let mut open = Vec::from_iter((!self.nodes.is_empty()).then_some(0));
         while let Some(node) = open.pop() {
             order.push(node);
             let BinaryNode { first, count, .. } = self.nodes[node as usize];
             if count == 0 {
-                open.extend([first, first + 1]);
+                open.extend([first + 1, first]);
             }
         }
-        let mut counts = vec![0; self.nodes.len()];
-        for &node in order.iter().rev() {
-            let BinaryNode { first, count, .. } = self.nodes[node as usize];
-            let below = |k: u32| counts[(first + k) as usize];
-            counts[node as usize] = if count > 0 { count } else { below(0) + below(1) };
-        }
-        counts
+        order
+    }
+}
+
+impl BinaryNode {
+    /// Half the surface of the box.
+    pub fn half_area(&self) -> f32 {
+        let [x, y, z]: [f32; 3] = std::array::from_fn(|k| self.high[k] - self.low[k]);
+        x * y + y * z + z * x
+    }
+
+    /// Its place in [`Binary::primitives`].
+    pub fn range(&self) -> std::ops::Range<usize> {
+        self.first as usize..(self.first + self.count) as usize
     }
 }

@@ -11,7 +11,10 @@
 mod build;
 mod lanes;
 mod offset;
+mod pages;
+mod plan;
 mod shear;
+mod split;
 mod tracer;
 mod traverse;
 mod tree;

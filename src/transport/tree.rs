@@ -1,14 +1,16 @@
 //! The 8-wide tree: nodes, packed triangles, and how it comes from a binary tree.
 
-use super::build::{Binary, BinaryNode};
+use super::build::Binary;
+use super::pages::Pages;
+use super::plan::Plan;
+use super::split::padded;
+use super::traverse::Processor;
 use glam::Vec3;
 
 /// Children of a node.
 pub(super) const WIDTH: usize = 8;
-/// Triangles of a block.
-pub(super) const LANES: usize = 4;
 /// Most triangles of a leaf.
-const LEAF: u32 = 8;
+pub(super) const LEAF: usize = 8;
 /// Levels that follow the binary tree; below them, the rest is halved by count, so that no input (thousands of equal
 /// triangles) makes the tree deep.
 const FREE_LEVELS: u32 = 24;
@@ -17,14 +19,14 @@ const MOST_LEVELS: usize = FREE_LEVELS as usize + 11;
 /// Most entries a traversal keeps.
 pub(super) const STACK: usize = MOST_LEVELS * (WIDTH - 1) + 1;
 
-/// Marks a child that is a leaf: `LEAF_BIT | first block << 3 | blocks`.
+/// Marks a child that is a leaf: `LEAF_BIT | first << 3 | count - 1`, counted in triangles of all leaves.
 pub(super) const LEAF_BIT: u32 = 1 << 31;
 /// Marks a triangle whose opacity must be asked.
 pub(super) const ASK_BIT: u32 = 1 << 31;
 
 /// Bounds of eight children; unused ones are empty boxes that no ray meets.
 #[repr(C, align(64))]
-#[derive(Clone)]
+#[derive(Clone, Copy)]
 pub(super) struct Node {
     /// Rows: low x, high x, low y, high y, low z, high z.
     pub bounds: [[f32; WIDTH]; 6],
@@ -32,25 +34,31 @@ pub(super) struct Node {
     pub child: [u32; WIDTH],
 }
 
-/// Four triangles; unused lanes hold NaN, which no test passes.
-#[repr(C, align(32))]
-#[derive(Clone)]
-pub(super) struct Block {
-    /// By axis, corner, lane.
-    pub corner: [[[f32; LANES]; 3]; 3],
-    /// World triangle, with [`ASK_BIT`].
-    pub id: [u32; LANES],
+/// Numbers of a triangle: nine coordinates and the id.
+const RECORD: usize = 10;
+
+/// The triangles of a leaf, structure of arrays: rows of coordinates by axis, then corner, and a row of ids. Rows are
+/// as long as there are triangles, so that leaves lie dense in memory, and eight numbers can be read from the start of
+/// each, the last of which may be those of the next row.
+#[derive(Clone, Copy)]
+pub(super) struct Leaf<'a> {
+    /// Exactly the leaf.
+    words: &'a [u32],
+    count: usize,
 }
 
 /// The tree over a world's triangles.
 ///
-/// Memory: 160 bytes a block of up to four triangles and 256 bytes a node of up to eight children; about 75 bytes a
-/// triangle in ordinary meshes.
+/// Memory: 256 bytes a node of up to eight children and 40 bytes a triangle of a leaf; about 75 bytes a triangle in
+/// ordinary meshes.
 #[derive(Clone, Default)]
 pub(super) struct Tree {
     /// Node 0 is the root; it is there even when there are no triangles.
-    pub nodes: Vec<Node>,
-    pub blocks: Vec<Block>,
+    pub nodes: Pages<Node>,
+    /// Leaves one after the other, with room behind the last for [`Leaf`]'s reads.
+    words: Pages<u32>,
+    /// Which wide instructions walk it.
+    pub processor: Processor,
     /// Lowest corner of all triangles.
     pub low: [f32; 3],
     /// Highest corner of all triangles.
@@ -60,17 +68,92 @@ pub(super) struct Tree {
 impl Tree {
     /// Collapses a binary tree. `asks` tells the triangles whose opacity must be asked.
     pub fn new(binary: &Binary, corners: &[[Vec3; 3]], asks: impl Fn(u32) -> bool) -> Self {
-        let mut tree = Self { nodes: vec![Node::EMPTY], ..Self::default() };
-        let Some(root) = binary.nodes.first() else { return tree };
-        (tree.low, tree.high) = (root.low, root.high);
-        let mut collapse = Collapse { binary, count: binary.counts(), corners, asks, tree };
-        collapse.node(0, Part::Subtree(0), 0);
-        collapse.tree
+        let mut collapse = Collapse {
+            binary,
+            plan: Plan::new(binary),
+            corners,
+            asks,
+            nodes: vec![Node::EMPTY],
+            // The leaf of unused children: one triangle that no ray meets.
+            words: vec![f32::NAN.to_bits(); LEAF * RECORD],
+        };
+        let (mut low, mut high) = ([0.0; 3], [0.0; 3]);
+        if let Some(root) = binary.nodes.first() {
+            (low, high) = (root.low, root.high);
+            collapse.node(0, Part::Subtree(0), 0);
+        }
+        collapse.words.extend([f32::NAN.to_bits(); LEAF]);
+        let (nodes, words) = (Pages::new(&collapse.nodes), Pages::new(&collapse.words));
+        Self { nodes, words, processor: Processor::detect(), low, high }
+    }
+
+    /// The triangles of a child that is a leaf.
+    #[inline(always)]
+    pub fn leaf(&self, child: u32) -> Leaf<'_> {
+        let (first, count) = (((child & !LEAF_BIT) >> 3) as usize, (child & 7) as usize + 1);
+        let range = first * RECORD..(first + count) * RECORD;
+        debug_assert!(range.end + LEAF <= self.words.len());
+        // SAFETY: leaves name the tree's own words.
+        Leaf { words: unsafe { self.words.get_unchecked(range) }, count }
+    }
+
+    /// Where a child lies in memory and how many cache lines to ask for.
+    #[inline(always)]
+    pub fn place(&self, child: u32) -> (*const u8, usize) {
+        if child & LEAF_BIT == 0 {
+            (self.nodes.as_ptr().wrapping_add(child as usize).cast(), 4)
+        } else {
+            let first = ((child & !LEAF_BIT) >> 3) as usize * RECORD;
+            (self.words.as_ptr().wrapping_add(first).cast(), 5)
+        }
+    }
+
+    /// All leaves.
+    #[cfg(test)]
+    pub fn leaves(&self) -> impl Iterator<Item = Leaf<'_>> {
+        let children = self.nodes.iter().flat_map(|node| node.child);
+        children.filter(|child| *child > LEAF_BIT).map(|child| self.leaf(child))
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.nodes[..]) + size_of_val(&self.blocks[..])
+        size_of_val(&self.nodes[..]) + size_of_val(&self.words[..])
+    }
+}
+
+impl Leaf<'_> {
+    /// Triangles, from one to eight.
+    #[inline(always)]
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The start of the first row.
+    #[inline(always)]
+    pub fn rows(&self) -> *const f32 {
+        self.words.as_ptr().cast()
+    }
+
+    /// A coordinate.
+    #[inline(always)]
+    pub fn coordinate(&self, axis: usize, corner: usize, lane: usize) -> f32 {
+        debug_assert!(axis < 3 && corner < 3 && lane < self.count);
+        // SAFETY: a leaf has nine rows of `count` coordinates.
+        f32::from_bits(unsafe { *self.words.get_unchecked((3 * axis + corner) * self.count + lane) })
+    }
+
+    /// A coordinate, or any number where there are not so many triangles.
+    #[inline(always)]
+    pub fn coordinate_or_any(&self, axis: usize, corner: usize, lane: usize) -> f32 {
+        self.coordinate(axis, corner, lane.min(self.count - 1))
+    }
+
+    /// World triangle, with [`ASK_BIT`].
+    #[inline(always)]
+    pub fn id(&self, lane: usize) -> u32 {
+        debug_assert!(lane < self.count);
+        // SAFETY: the tenth row.
+        unsafe { *self.words.get_unchecked(9 * self.count + lane) }
     }
 }
 
@@ -89,16 +172,19 @@ enum Part {
 
 struct Collapse<'a, F> {
     binary: &'a Binary,
-    count: Vec<u32>,
+    plan: Plan,
     corners: &'a [[Vec3; 3]],
     asks: F,
-    tree: Tree,
+    nodes: Vec<Node>,
+    words: Vec<u32>,
 }
 
 impl<F: Fn(u32) -> bool> Collapse<'_, F> {
     fn node(&mut self, index: usize, part: Part, level: u32) {
         let parts = match part {
-            Part::Subtree(root) if level < FREE_LEVELS => self.widen(root),
+            Part::Subtree(root) if level < FREE_LEVELS => {
+                self.plan.children(self.binary, root).into_iter().map(Part::Subtree).collect()
+            }
             Part::Subtree(root) => divide(&self.primitives(root)),
             Part::Run(run) => divide(&run),
         };
@@ -106,14 +192,14 @@ impl<F: Fn(u32) -> bool> Collapse<'_, F> {
         for (k, part) in parts.into_iter().enumerate() {
             let (low, high) = self.bounds(&part);
             for axis in 0..3 {
-                self.tree.nodes[index].bounds[2 * axis][k] = low[axis];
-                self.tree.nodes[index].bounds[2 * axis + 1][k] = high[axis];
+                self.nodes[index].bounds[2 * axis][k] = low[axis];
+                self.nodes[index].bounds[2 * axis + 1][k] = high[axis];
             }
-            self.tree.nodes[index].child[k] = if self.size(&part) <= LEAF {
+            self.nodes[index].child[k] = if self.is_leaf(&part) {
                 self.leaf(&part)
             } else {
-                let child = self.tree.nodes.len() as u32;
-                self.tree.nodes.push(Node::EMPTY);
+                let child = self.nodes.len() as u32;
+                self.nodes.push(Node::EMPTY);
                 inner.push((child, part));
                 child
             };
@@ -123,33 +209,10 @@ impl<F: Fn(u32) -> bool> Collapse<'_, F> {
         }
     }
 
-    /// Opens the child of the largest surface until there are eight or all are leaves.
-    fn widen(&self, root: u32) -> Vec<Part> {
-        let mut open = vec![root];
-        while open.len() < WIDTH {
-            let largest = (0..open.len())
-                .filter(|&k| self.count[open[k] as usize] > LEAF && !self.is_leaf(open[k]))
-                .max_by(|&a, &b| self.area(open[a]).total_cmp(&self.area(open[b])));
-            let Some(k) = largest else { break };
-            let first = self.binary.nodes[open[k] as usize].first;
-            open[k] = first;
-            open.push(first + 1);
-        }
-        open.into_iter().map(Part::Subtree).collect()
-    }
-
-    fn is_leaf(&self, node: u32) -> bool {
-        self.binary.nodes[node as usize].count > 0
-    }
-
-    fn area(&self, node: u32) -> f32 {
-        self.binary.nodes[node as usize].half_area()
-    }
-
-    fn size(&self, part: &Part) -> u32 {
+    fn is_leaf(&self, part: &Part) -> bool {
         match part {
-            Part::Subtree(node) => self.count[*node as usize],
-            Part::Run(run) => run.len() as u32,
+            Part::Subtree(node) => self.plan.is_leaf(*node),
+            Part::Run(run) => run.len() <= LEAF,
         }
     }
 
@@ -160,9 +223,9 @@ impl<F: Fn(u32) -> bool> Collapse<'_, F> {
                 (node.low, node.high)
             }
             Part::Run(run) => {
-                let all = || run.iter().flat_map(|&t| self.corners[t as usize]);
-                let low = all().fold(Vec3::INFINITY, Vec3::min);
-                let high = all().fold(Vec3::NEG_INFINITY, Vec3::max);
+                let boxes = run.iter().map(|&t| padded(&self.corners[t as usize]));
+                let add = |(low, high): (Vec3, Vec3), (l, h)| (low.min(l), high.max(h));
+                let (low, high) = boxes.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), add);
                 (low.to_array(), high.to_array())
             }
         }
@@ -175,20 +238,14 @@ impl<F: Fn(u32) -> bool> Collapse<'_, F> {
         };
         run.sort_unstable();
         run.dedup();
-        let first = self.tree.blocks.len() as u32;
-        for lanes in run.chunks(LANES) {
-            let mut block = Block { corner: [[[f32::NAN; LANES]; 3]; 3], id: [0; LANES] };
-            for (lane, &triangle) in lanes.iter().enumerate() {
-                for (c, corner) in self.corners[triangle as usize].iter().enumerate() {
-                    for axis in 0..3 {
-                        block.corner[axis][c][lane] = corner[axis];
-                    }
-                }
-                block.id[lane] = if (self.asks)(triangle) { triangle | ASK_BIT } else { triangle };
-            }
-            self.tree.blocks.push(block);
+        let first = (self.words.len() / RECORD) as u32;
+        for (axis, corner) in (0..9).map(|row| (row / 3, row % 3)) {
+            let bits = |&triangle: &u32| self.corners[triangle as usize][corner][axis].to_bits();
+            self.words.extend(run.iter().map(bits));
         }
-        LEAF_BIT | first << 3 | (self.tree.blocks.len() as u32 - first)
+        let id = |&triangle: &u32| if (self.asks)(triangle) { triangle | ASK_BIT } else { triangle };
+        self.words.extend(run.iter().map(id));
+        LEAF_BIT | first << 3 | (run.len() - 1) as u32
     }
 
     fn primitives(&self, root: u32) -> Vec<u32> {
@@ -206,17 +263,6 @@ impl<F: Fn(u32) -> bool> Collapse<'_, F> {
 }
 
 fn divide(run: &[u32]) -> Vec<Part> {
-    let size = run.len().div_ceil(WIDTH).max(LEAF as usize);
+    let size = run.len().div_ceil(WIDTH).max(LEAF);
     run.chunks(size).map(|part| Part::Run(part.to_vec())).collect()
-}
-
-impl BinaryNode {
-    fn half_area(&self) -> f32 {
-        let [x, y, z] = std::array::from_fn(|k| self.high[k] - self.low[k]);
-        x * y + y * z + z * x
-    }
-
-    fn range(&self) -> std::ops::Range<usize> {
-        self.first as usize..(self.first + self.count) as usize
-    }
 }

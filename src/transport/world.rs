@@ -55,14 +55,16 @@ impl World {
         let of = |triangle: u32| opacity[surface_of[triangle as usize] as usize];
         let blocking = opacity.iter().map(|o| o.blocking()).max().unwrap_or(Blocking::Opaque);
         let blockers = blockers(&corners, |t| of(t) != Opacity::Clear);
-        let tree = Tree::new(&Binary::new(&corners, &blockers), &corners, |t| of(t).must_be_asked());
+        // A tinted triangle must be met once only.
+        let binary = Binary::new(&corners, &blockers, |t| of(t) != Opacity::Partial);
+        let tree = Tree::new(&binary, &corners, |t| of(t).must_be_asked());
         Self { corners, surface: surface_of, first, blocking, tree }
     }
 
     /// A world of opaque triangles that belong to one surface; the corners wind counter-clockwise from the front.
     pub fn opaque(corners: Vec<[Vec3; 3]>) -> Self {
         let blockers = blockers(&corners, |_| true);
-        let tree = Tree::new(&Binary::new(&corners, &blockers), &corners, |_| false);
+        let tree = Tree::new(&Binary::new(&corners, &blockers, |_| true), &corners, |_| false);
         let first = vec![0, corners.len() as u32];
         Self { surface: vec![0; corners.len()], first, blocking: Blocking::Opaque, corners, tree }
     }

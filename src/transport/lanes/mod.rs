@@ -1,20 +1,39 @@
-//! Eight boxes or four triangles at once, by processor.
+//! Eight boxes or eight triangles at once, by processor.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod portable;
 
+#[cfg(target_arch = "x86_64")]
+pub(super) use avx2::Avx2;
 pub(super) use portable::Portable;
 
-use super::shear::Sheared;
-use super::tree::{Block, Node, WIDTH};
+use super::shear::{Reach, Sheared, Slabs};
+use super::tree::{Leaf, Node, Tree, WIDTH};
 
-/// The wide tests of one processor. All implementations give the same bits.
-pub(super) trait Lanes {
-    /// The ray spread over the lanes.
+/// The wide tests of one processor.
+///
+/// They only rule out, or vouch for, what [`Sheared::meet`] decides, so that every implementation leads to the same
+/// bits. The edge functions are differences of products in f32. Rounding is monotonic, so such a difference never has
+/// the wrong sign: where it is not zero, its sign is that of the exact one.
+pub(super) trait Lanes: Copy {
+    /// A ray's boxes test, spread over the lanes.
+    type Boxes: Copy;
+
+    /// A ray's triangle test, spread over the lanes.
     fn new(ray: &Sheared) -> Self;
 
-    /// Bit k is set when child k may hold a hit in `[t_min, t_max]`; the distances are where the ray enters.
-    fn boxes(&self, node: &Node, t_min: f32, t_max: f32) -> (u32, [f32; WIDTH]);
+    /// The same for boxes.
+    fn boxes(slabs: &Slabs) -> Self::Boxes;
 
-    /// Bit k is set when the ray may meet triangle k: never clear when [`Sheared::meet`] finds a meeting.
-    fn triangles(&self, block: &Block) -> u32;
+    /// Bit k is set when child k may hold a hit in `[t_min, t_max]`; the distances are where the ray enters, or
+    /// somewhat before.
+    fn enter(boxes: &Self::Boxes, node: &Node, t_min: f32, t_max: f32) -> (u32, [f32; WIDTH]);
+
+    /// Bit k of the first is clear when [`Sheared::meet`] finds no meeting with triangle k within reach, bit k of the
+    /// second is set when it surely finds one strictly within.
+    fn triangles(&self, leaf: Leaf, reach: &Reach) -> (u32, u32);
+
+    /// Asks the memory for a child early.
+    fn prefetch(tree: &Tree, child: u32);
 }

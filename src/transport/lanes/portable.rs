@@ -1,19 +1,13 @@
 //! Plain arrays, for every processor.
 
 use super::Lanes;
-use crate::transport::shear::Sheared;
-use crate::transport::tree::{Block, LANES, Node, WIDTH};
+use crate::transport::shear::{Reach, Sheared, Slabs};
+use crate::transport::tree::{Leaf, Node, Tree, WIDTH};
 
 /// Plain arrays.
+#[derive(Clone, Copy)]
 pub(in crate::transport) struct Portable {
-    near: [usize; 3],
-    far: [usize; 3],
-    near_origin: [f32; 3],
-    far_origin: [f32; 3],
-    inverse: [f32; 3],
-    axis: [usize; 3],
-    origin: [f32; 3],
-    shear: [f32; 2],
+    ray: Sheared,
 }
 
 /// The second when they do not compare, as the processors' wide maximum has it.
@@ -27,54 +21,71 @@ fn min(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
+type Row = [f32; WIDTH];
+
+#[inline(always)]
+fn each(f: impl Fn(usize) -> f32) -> Row {
+    let mut row = [0.0; WIDTH];
+    for (k, out) in row.iter_mut().enumerate() {
+        *out = f(k);
+    }
+    row
+}
+
 impl Lanes for Portable {
+    type Boxes = Slabs;
+
     #[inline(always)]
     fn new(ray: &Sheared) -> Self {
-        let row = |k: usize, high: bool| 2 * k + usize::from(high);
-        Self {
-            near: std::array::from_fn(|k| row(k, ray.negative[k])),
-            far: std::array::from_fn(|k| row(k, !ray.negative[k])),
-            near_origin: ray.near_origin,
-            far_origin: ray.far_origin,
-            inverse: ray.inverse,
-            axis: ray.axis,
-            origin: ray.origin,
-            shear: ray.shear,
-        }
+        Self { ray: *ray }
     }
 
     #[inline(always)]
-    fn boxes(&self, node: &Node, t_min: f32, t_max: f32) -> (u32, [f32; WIDTH]) {
-        let enter = |axis: usize, k: usize| {
-            (node.bounds[self.near[axis]][k] - self.near_origin[axis]) * self.inverse[axis]
-        };
-        let leave = |axis: usize, k: usize| {
-            (node.bounds[self.far[axis]][k] - self.far_origin[axis]) * self.inverse[axis]
-        };
-        let first: [f32; WIDTH] =
-            std::array::from_fn(|k| max(max(enter(0, k), enter(1, k)), max(enter(2, k), t_min)));
-        let last: [f32; WIDTH] =
-            std::array::from_fn(|k| min(min(leave(0, k), leave(1, k)), min(leave(2, k), t_max)));
+    fn boxes(slabs: &Slabs) -> Slabs {
+        *slabs
+    }
+
+    #[inline(always)]
+    fn enter(slabs: &Slabs, node: &Node, t_min: f32, t_max: f32) -> (u32, [f32; WIDTH]) {
+        let (mut first, mut last) = ([t_min; WIDTH], [t_max; WIDTH]);
+        for axis in 0..3 {
+            let near = 2 * axis + usize::from(slabs.negative[axis]);
+            let (entered, left) = (&node.bounds[near], &node.bounds[near ^ 1]);
+            first = each(|k| max(entered[k] * slabs.enter[axis] - slabs.enter_offset[axis], first[k]));
+            last = each(|k| min(left[k] * slabs.leave[axis] - slabs.leave_offset[axis], last[k]));
+        }
         let mask = (0..WIDTH).fold(0, |mask, k| mask | u32::from(first[k] <= last[k]) << k);
         (mask, first)
     }
 
     #[inline(always)]
-    fn triangles(&self, block: &Block) -> u32 {
-        let corner = |c: usize, k: usize| -> [f32; LANES] {
-            std::array::from_fn(|lane| {
-                let z = block.corner[self.axis[2]][c][lane] - self.origin[2];
-                block.corner[self.axis[k]][c][lane] - self.origin[k] - self.shear[k] * z
-            })
+    fn triangles(&self, leaf: Leaf, reach: &Reach) -> (u32, u32) {
+        let ray = &self.ray;
+        let at = |k: usize, corner: usize| -> Row {
+            each(|lane| ray.origin[k] - leaf.coordinate_or_any(ray.axis[k], corner, lane))
         };
-        let [ax, bx, cx] = std::array::from_fn(|c| corner(c, 0));
-        let [ay, by, cy] = std::array::from_fn(|c| corner(c, 1));
-        (0..LANES).fold(0, |mask, k| {
+        let (az, bz, cz) = (at(2, 0), at(2, 1), at(2, 2));
+        let sheared = |k: usize, corner: usize, z: &Row| -> Row {
+            let flat = at(k, corner);
+            each(|lane| flat[lane] - ray.shear[k] * z[lane])
+        };
+        let (ax, bx, cx) = (sheared(0, 0, &az), sheared(0, 1, &bz), sheared(0, 2, &cz));
+        let (ay, by, cy) = (sheared(1, 0, &az), sheared(1, 1, &bz), sheared(1, 2, &cz));
+        let (mut may, mut sure) = (0, 0);
+        for k in 0..leaf.count() {
             let u = bx[k] * cy[k] - by[k] * cx[k];
             let v = cx[k] * ay[k] - cy[k] * ax[k];
             let w = ax[k] * by[k] - ay[k] * bx[k];
-            let one_side = (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
-            mask | u32::from(one_side) << k
-        })
+            let (least, most) = (min(min(u, v), w), max(max(u, v), w));
+            let (near, far) = (min(min(az[k], bz[k]), cz[k]), max(max(az[k], bz[k]), cz[k]));
+            let within = far >= reach.widest[0] && near <= reach.widest[1];
+            may |= u32::from((least >= 0.0 || most <= 0.0) && within) << k;
+            let within = near > reach.surest[0] && far < reach.surest[1];
+            sure |= u32::from((least > 0.0 || most < 0.0) && within) << k;
+        }
+        (may, sure)
     }
+
+    #[inline(always)]
+    fn prefetch(_: &Tree, _: u32) {}
 }

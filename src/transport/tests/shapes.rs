@@ -2,7 +2,7 @@
 
 use super::super::{Hit, Ray, World};
 use crate::transport::shear::Sheared;
-use crate::transport::tree::Tree;
+use crate::transport::tree::Leaf;
 use glam::{DVec3, Vec3};
 
 /// PCG32 (O'Neill 2014).
@@ -51,20 +51,12 @@ pub fn soup(random: &mut Random, count: usize, size: f32) -> Vec<[Vec3; 3]> {
 
 /// The nearest hit by the same triangle test, every triangle tried; ties to the lowest index.
 pub fn brute_force(world: &World, ray: &Ray) -> Option<Hit> {
-    let tree: &Tree = &world.tree;
-    let sheared = Sheared::new(ray, tree)?;
-    let mut best: Option<Hit> = None;
-    for block in &tree.blocks {
-        for lane in 0..4 {
-            let Some(m) = sheared.meet(block, lane) else { continue };
-            let triangle = block.id[lane] & !(1 << 31);
-            let nearer = best.is_none_or(|b| (m.t, triangle) < (b.t, b.triangle));
-            if m.t < ray.t_max && nearer {
-                best = Some(Hit { t: m.t, triangle, u: m.u, v: m.v, front: m.front });
-            }
-        }
-    }
-    best
+    let sheared = Sheared::new(ray)?;
+    let of_leaf =
+        |leaf: Leaf| (0..leaf.count()).filter_map(|lane| sheared.meet(leaf, lane)).collect::<Vec<_>>();
+    let met = world.tree.leaves().flat_map(of_leaf).map(|meeting| meeting.to_hit(&sheared));
+    let nearer = |a: &Hit, b: &Hit| (a.t, a.triangle).partial_cmp(&(b.t, b.triangle)).unwrap();
+    met.filter(|hit| hit.t < ray.t_max).min_by(nearer)
 }
 
 /// Distance to a triangle by Cramer's rule in f64 with the smallest weight: an independent answer.
