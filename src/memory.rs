@@ -7,9 +7,9 @@ use crate::scene::Scene;
 /// Bytes every texel of a page costs, lit or not: the map to elements, the stored value, its copies while it is
 /// written.
 const PER_TEXEL: u64 = 4 + 12 + 1 + 12;
-/// Bytes every element costs: the rows of [`crate::elements::Elements`] (97), direct, coarse and indirect irradiance,
+/// Bytes every element costs: the rows of [`crate::elements::Elements`] (98), direct, coarse and indirect irradiance,
 /// radiosity, the sum (12 each) and the gather's notes (5).
-const PER_ELEMENT: u64 = 97 + 5 * 12 + 5;
+const PER_ELEMENT: u64 = 98 + 5 * 12 + 5;
 /// Bytes a triangle costs: corners, tree, place in texture space.
 const PER_TRIANGLE: u64 = 260;
 /// Bytes a patch costs: 64 sampled form factors, kept forwards and backwards.

@@ -48,17 +48,20 @@ pub fn adapt<T: Tracer>(elements: &Elements, mut patches: Patches, tracer: &T) -
             .collect();
         (patches, fresh) = cut(elements, &patches, &parts);
     }
+    let among_others = |members: &[u32]| members.iter().any(|&e| elements.among_others[e as usize]);
     let parts: Vec<_> = (0..patches.len())
         .into_par_iter()
         .map(|patch| {
             let members = patches.elements_of(patch as u32);
-            if patches.normal_world[patch].length_squared() < FLAT {
+            if patches.normal_world[patch].length_squared() < FLAT || !among_others(members) {
                 return None;
             }
             Some(seen_parts(elements, members, tracer)).filter(|parts| parts.len() > 1)
         })
         .collect();
-    rays += patches.elements.len() as u64;
+    let asked =
+        (0..patches.len() as u32).map(|p| patches.elements_of(p)).filter(|members| among_others(members));
+    rays += asked.map(|members| members.len() as u64).sum::<u64>();
     (cut(elements, &patches, &parts).0, rays)
 }
 

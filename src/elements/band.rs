@@ -51,6 +51,7 @@ impl<T: Tracer> Work<'_, T> {
             texels: Vec::new(),
             spots: Vec::new(),
             valid: Vec::new(),
+            among_others: Vec::new(),
         };
         let mut mapped: Vec<Mapped> = Vec::new();
         let mut last: &[Piece] = &[];
@@ -81,9 +82,11 @@ impl<T: Tracer> Work<'_, T> {
             out.chart.push(band.chart);
         }
         draft.valid = vec![true; draft.spots.len()];
+        draft.among_others = vec![false; draft.spots.len()];
         let mut counts = self.judge.place(&probe, &mut draft);
         counts.rays = probe.rays();
         out.valid.append(&mut draft.valid);
+        out.among_others.append(&mut draft.among_others);
         for spot in &draft.spots {
             out.position_world.push(spot.position);
             out.normal_geometric.push(spot.normal_geometric);

@@ -102,6 +102,9 @@ pub struct Elements {
     pub texel: Vec<TexelRef>,
     /// False where the sample is buried in or pressed against other geometry.
     pub valid: Vec<bool>,
+    /// Whether other geometry than the element's own chart is within about a texel of it or of one of the texels
+    /// around it: only there can a wall part neighbours.
+    pub among_others: Vec<bool>,
     /// Mean emitted radiance of the elements that emit, ascending by element.
     pub emission: Vec<(u32, Radiance)>,
     /// Chart of each element.

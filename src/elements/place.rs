@@ -23,6 +23,7 @@ pub(super) struct Draft<'a> {
     pub texels: Vec<(DVec2, &'a [Piece])>,
     pub spots: Vec<Spot>,
     pub valid: Vec<bool>,
+    pub among_others: Vec<bool>,
 }
 
 /// What was found out about the elements of a band.
@@ -49,7 +50,10 @@ impl<T: Tracer> Judge<'_, T> {
                 }
                 let Some(&some) = members.first() else { continue };
                 if self.others_near(&draft.chart, members.iter().map(|&i| draft.spots[i])) {
-                    members.iter().for_each(|&i| self.place_one(probe, draft, i, &mut counts));
+                    for &i in &members {
+                        draft.among_others[i] = true;
+                        self.place_one(probe, draft, i, &mut counts);
+                    }
                 } else if self.buried(probe, &draft.spots[some]).is_some() {
                     counts.invalid += members.len() as u32;
                     members.iter().for_each(|&i| draft.valid[i] = false);

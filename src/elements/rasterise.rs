@@ -231,6 +231,7 @@ impl Elements {
         self.half_v_world.extend(part.half_v_world);
         self.texel.extend(part.texel);
         self.valid.extend(part.valid);
+        self.among_others.extend(part.among_others);
         self.chart.extend(part.chart);
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! The adaptive grid: cells in texture space, from coarse to fine, one round a level.
 
 use super::hemisphere::{DirectionSet, Gathered};
+use super::interpolate::{Finished, Nodes, Shape, plane};
 use super::{Indirect, Surroundings};
 use crate::direct::{Block, Direct};
 use crate::elements::{Chart, Elements, NO_ELEMENT};
@@ -11,19 +12,24 @@ use crate::units::{Irradiance, Radiosity};
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// A cell is split when something stands nearer than this many of its widths (harmonic mean over the hemisphere).
+/// Something stands near a cell when it is nearer than this many of its widths (harmonic mean over the hemisphere).
 const CONTACT_WIDTHS: f32 = 1.5;
+/// Where something stands near, light may bend between nodes unseen. A parabola that starts level deviates from its
+/// chord by a quarter of its rise: nodes that span more than four times the allowed difference are not trusted.
+const MOST_RISE_NEAR: f32 = 4.0;
+/// The same where nothing is near and the middle node would show the bend.
+const MOST_RISE: f32 = 12.0;
 /// Normals of one cell differ by less than acos(this).
-const SAME_NORMAL: f32 = 0.9;
+pub(super) const SAME_NORMAL: f32 = 0.9;
 /// Places darker than this share of the mean light count as this bright: nobody sees their error.
 const DARK_SHARE: f32 = 0.1;
 
 /// A rectangle of texels of one chart; corners inclusive, so neighbours share their border.
 #[derive(Clone, Copy)]
-struct Cell {
-    chart: u32,
-    min: [u16; 2],
-    max: [u16; 2],
+pub(super) struct Cell {
+    pub chart: u32,
+    pub min: [u16; 2],
+    pub max: [u16; 2],
 }
 
 /// The elements a cell is judged by: nearest to its corners, and to its centre.
@@ -37,7 +43,7 @@ struct Proxies {
 struct State {
     value: Vec<Irradiance>,
     distance_m: Vec<f32>,
-    known: Vec<bool>,
+    gathered: Vec<bool>,
     nodes: u64,
     rays: u64,
 }
@@ -54,7 +60,7 @@ pub(super) fn fill<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
     let mut state = State {
         value: coarse.to_vec(),
         distance_m: vec![f32::INFINITY; elements.len()],
-        known: vec![false; elements.len()],
+        gathered: vec![false; elements.len()],
         nodes: 0,
         rays: 0,
     };
@@ -67,10 +73,22 @@ pub(super) fn fill<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
     } else {
         let floor = DARK_SHARE * mean_light(elements, &direct.irradiance, coarse);
         let mut cells = roots(elements, &direct.blocks, options.widest_cell.clamp(1, 256) as u16);
+        let mut finished = Vec::new();
         while !cells.is_empty() && !progress.cancelled() {
-            cells =
-                round(elements, &direct.irradiance, around, set, options, floor, cells, &mut state, progress);
+            cells = round(
+                elements,
+                &direct.irradiance,
+                around,
+                set,
+                options,
+                floor,
+                cells,
+                &mut finished,
+                &mut state,
+                progress,
+            );
         }
+        spread(elements, &finished, &mut state);
     }
     Indirect { nodes: state.nodes, rays: state.rays, irradiance: state.value }
 }
@@ -111,6 +129,20 @@ fn roots(elements: &Elements, blocks: &[Block], widest: u16) -> Vec<Cell> {
     cells
 }
 
+/// Gives the elements of finished cells their values.
+fn spread(elements: &Elements, finished: &[Finished], state: &mut State) {
+    let mut filled = vec![false; elements.len()];
+    // Batches, so that the copies stay small next to the elements.
+    for batch in finished.chunks(4096) {
+        let nodes = Nodes { elements, value: &state.value, gathered: &state.gathered };
+        for (e, value) in nodes.fill_all(batch) {
+            if !std::mem::replace(&mut filled[e as usize], true) {
+                state.value[e as usize] = value;
+            }
+        }
+    }
+}
+
 #[allow(clippy::too_many_arguments)]
 fn round<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
     elements: &Elements,
@@ -120,6 +152,7 @@ fn round<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
     options: &GatherOptions,
     floor: f32,
     cells: Vec<Cell>,
+    finished: &mut Vec<Finished>,
     state: &mut State,
     progress: &Progress,
 ) -> Vec<Cell> {
@@ -127,34 +160,27 @@ fn round<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
     let mut wanted: Vec<u32> = proxies.iter().flatten().flat_map(|p| p.element).collect();
     wanted.sort_unstable();
     wanted.dedup();
-    wanted.retain(|&e| !state.known[e as usize]);
+    wanted.retain(|&e| !state.gathered[e as usize]);
     evaluate(elements, around, set, &wanted, state, progress);
     if progress.cancelled() {
         return Vec::new();
     }
-    let judged: Vec<_> = cells
+    let judge = Judge { elements, direct, state, tolerance: options.tolerance, floor };
+    let judged: Vec<Verdict> = cells
         .par_iter()
         .zip(&proxies)
         .map(|(cell, proxies)| {
-            let Some(proxies) = proxies else { return Verdict::Done(Vec::new()) };
-            let judge = Judge { elements, direct, state, tolerance: options.tolerance, floor };
-            match judge.surface(cell, proxies) {
-                Some(surface) => Verdict::Done(interpolate(elements, cell, &surface, &state.known)),
-                None => Verdict::Split,
-            }
+            proxies.as_ref().map_or(Verdict::Known, |proxies| judge.verdict(cell, proxies))
         })
         .collect();
     let mut next = Vec::new();
     for (cell, verdict) in cells.iter().zip(judged) {
         match verdict {
-            Verdict::Done(values) => {
-                for (e, value) in values {
-                    if !state.known[e as usize] {
-                        state.value[e as usize] = value;
-                        state.known[e as usize] = true;
-                        progress.advance(1);
-                    }
-                }
+            Verdict::Known => {}
+            Verdict::Smooth(cell) => {
+                let [width, height] = [0, 1].map(|k| u64::from(cell.cell.max[k] - cell.cell.min[k]));
+                progress.advance((width * height).saturating_sub(2));
+                finished.push(cell);
             }
             Verdict::Split => next.extend(split(cell)),
         }
@@ -163,7 +189,9 @@ fn round<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
 }
 
 enum Verdict {
-    Done(Vec<(u32, Irradiance)>),
+    /// There is nothing between the nodes.
+    Known,
+    Smooth(Finished),
     Split,
 }
 
@@ -186,7 +214,7 @@ fn evaluate<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
             state.rays += rays;
             state.value[e as usize] = gathered.irradiance;
             state.distance_m[e as usize] = gathered.distance_m;
-            state.known[e as usize] = true;
+            state.gathered[e as usize] = true;
         }
         state.nodes += batch.len() as u64;
         progress.advance(batch.len() as u64);
@@ -204,7 +232,7 @@ fn split(cell: &Cell) -> Vec<Cell> {
         .collect()
 }
 
-fn element_at(elements: &Elements, chart: &Chart, x: u16, y: u16) -> Option<u32> {
+pub(super) fn element_at(elements: &Elements, chart: &Chart, x: u16, y: u16) -> Option<u32> {
     let page = &elements.pages[chart.page as usize];
     let e = page.element[y as usize * page.size_texels as usize + x as usize];
     (e != NO_ELEMENT && chart.elements.contains(&e) && elements.valid[e as usize]).then_some(e)
@@ -242,16 +270,6 @@ fn nearest(elements: &Elements, chart: &Chart, cell: &Cell, to: [u16; 2]) -> Opt
     best.map(|b| b.1)
 }
 
-/// A surface of values over a cell.
-enum Surface {
-    /// All its elements are known.
-    Known,
-    /// Bilinear between the corners, raised by `bump` in the middle.
-    Bilinear { corner: [Vec3; 4], bump: Vec3 },
-    /// `at + du·x + dv·y`, texels from the cell's corner.
-    Plane { at: Vec3, du: Vec3, dv: Vec3 },
-}
-
 struct Judge<'a> {
     elements: &'a Elements,
     direct: &'a [Irradiance],
@@ -261,11 +279,11 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// The surface through the cell's nodes, or `None` where they do not agree.
-    fn surface(&self, cell: &Cell, proxies: &Proxies) -> Option<Surface> {
+    /// Whether the nodes of the cell agree.
+    fn verdict(&self, cell: &Cell, proxies: &Proxies) -> Verdict {
         let (width, height) = (cell.max[0] - cell.min[0], cell.max[1] - cell.min[1]);
         if width <= 1 && height <= 1 {
-            return Some(Surface::Known);
+            return Verdict::Known;
         }
         let e = proxies.element.map(|e| e as usize);
         let value = e.map(|e| self.state.value[e].0);
@@ -274,116 +292,53 @@ impl Judge<'_> {
             self.elements.normal_shading[e[k]].dot(self.elements.normal_shading[middle]) >= SAME_NORMAL
         };
         if !(0..4).all(straight) {
-            return None;
+            return Verdict::Split;
         }
         let texel_m = 2.0
             * self.elements.half_u_world[middle].length().max(self.elements.half_v_world[middle].length());
         let width_m = texel_m * f32::from(width.max(height));
         let nearest = e.iter().map(|&e| self.state.distance_m[e]).fold(f32::INFINITY, f32::min);
-        if nearest < CONTACT_WIDTHS * width_m {
-            return None;
-        }
+        let most_rise = if nearest < CONTACT_WIDTHS * width_m { MOST_RISE_NEAR } else { MOST_RISE };
         let light = (self.direct[middle].0 + value[4]).element_sum() / 3.0;
         let allowed = self.tolerance * light.max(self.floor);
         let agrees = |difference: Vec3| difference.abs().max_element() <= allowed;
         let low = value.iter().copied().fold(Vec3::INFINITY, Vec3::min);
         let high = value.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max);
-        if (high - low).max_element() > 12.0 * allowed {
-            return None;
+        if (high - low).max_element() > most_rise * allowed {
+            return Verdict::Split;
         }
-        if proxies.regular {
-            let corner = [value[0], value[1], value[2], value[3]];
+        let shape = if proxies.regular {
             let (s, t) = self.place(cell, middle);
-            let bump = value[4] - bilinear(&corner, s, t);
-            return agrees(bump).then_some(Surface::Bilinear { corner, bump });
-        }
-        let points: Vec<(f32, f32, Vec3)> = e
-            .iter()
-            .zip(value)
-            .map(|(&e, v)| {
-                let texel = self.elements.texel[e];
-                (f32::from(texel.x - cell.min[0]), f32::from(texel.y - cell.min[1]), v)
-            })
-            .collect();
-        let (at, du, dv) = plane(&points);
-        points.iter().all(|&(x, y, v)| agrees(v - (at + du * x + dv * y))).then_some(Surface::Plane {
-            at,
-            du,
-            dv,
-        })
+            let bump = value[4] - bilinear(&[value[0], value[1], value[2], value[3]], s, t);
+            let [a, b, c, d, middle] = proxies.element;
+            agrees(bump).then_some(Shape::Quadratic { corner: [a, b, c, d], middle })
+        } else {
+            let points: Vec<(f32, f32, Vec3)> = e
+                .iter()
+                .zip(value)
+                .map(|(&e, v)| {
+                    let texel = self.elements.texel[e];
+                    (f32::from(texel.x - cell.min[0]), f32::from(texel.y - cell.min[1]), v)
+                })
+                .collect();
+            let (at, du, dv) = plane(&points);
+            let fits = points.iter().all(|&(x, y, v)| agrees(v - (at + du * x + dv * y)));
+            fits.then_some(Shape::Plane { at, du, dv })
+        };
+        shape.map_or(Verdict::Split, |shape| Verdict::Smooth(Finished { cell: *cell, shape, allowed }))
     }
 
     /// Where an element lies in the cell, `[0, 1]²`.
     fn place(&self, cell: &Cell, element: usize) -> (f32, f32) {
-        place(self.elements, cell, element)
+        let texel = self.elements.texel[element];
+        let share = |at: u16, axis: usize| {
+            let width = cell.max[axis] - cell.min[axis];
+            if width == 0 { 0.0 } else { f32::from(at - cell.min[axis]) / f32::from(width) }
+        };
+        (share(texel.x, 0), share(texel.y, 1))
     }
-}
-
-fn place(elements: &Elements, cell: &Cell, element: usize) -> (f32, f32) {
-    let texel = elements.texel[element];
-    let share = |at: u16, axis: usize| {
-        let width = cell.max[axis] - cell.min[axis];
-        if width == 0 { 0.0 } else { f32::from(at - cell.min[axis]) / f32::from(width) }
-    };
-    (share(texel.x, 0), share(texel.y, 1))
 }
 
 fn bilinear(corner: &[Vec3; 4], s: f32, t: f32) -> Vec3 {
     corner[0].lerp(corner[1], s).lerp(corner[2].lerp(corner[3], s), t)
-}
-
-/// Least-squares plane through values; a touch of damping keeps it flat where the points do not fix it.
-fn plane(points: &[(f32, f32, Vec3)]) -> (Vec3, Vec3, Vec3) {
-    let n = points.len() as f32;
-    let mean =
-        points.iter().fold((0.0, 0.0, Vec3::ZERO), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n, m.2 + p.2 / n));
-    let (mut xx, mut xy, mut yy) = (0.0_f32, 0.0_f32, 0.0_f32);
-    let (mut xv, mut yv) = (Vec3::ZERO, Vec3::ZERO);
-    for &(x, y, v) in points {
-        let (x, y, v) = (x - mean.0, y - mean.1, v - mean.2);
-        xx += x * x;
-        xy += x * y;
-        yy += y * y;
-        xv += v * x;
-        yv += v * y;
-    }
-    let damping = 1e-3 * (xx + yy) + 1e-6;
-    let (xx, yy) = (xx + damping, yy + damping);
-    let determinant = xx * yy - xy * xy;
-    let (du, dv) = ((xv * yy - yv * xy) / determinant, (yv * xx - xv * xy) / determinant);
-    (mean.2 - du * mean.0 - dv * mean.1, du, dv)
-}
-
-fn interpolate(
-    elements: &Elements,
-    cell: &Cell,
-    surface: &Surface,
-    known: &[bool],
-) -> Vec<(u32, Irradiance)> {
-    if matches!(surface, Surface::Known) {
-        return Vec::new();
-    }
-    let chart = &elements.charts[cell.chart as usize];
-    let mut out = Vec::new();
-    for y in cell.min[1]..=cell.max[1] {
-        for x in cell.min[0]..=cell.max[0] {
-            let Some(e) = element_at(elements, chart, x, y) else { continue };
-            if known[e as usize] {
-                continue;
-            }
-            let value = match surface {
-                Surface::Known => continue,
-                Surface::Bilinear { corner, bump } => {
-                    let (s, t) = place(elements, cell, e as usize);
-                    let tent = (1.0 - (2.0 * s - 1.0).abs()) * (1.0 - (2.0 * t - 1.0).abs());
-                    bilinear(corner, s, t) + *bump * tent
-                }
-                Surface::Plane { at, du, dv } => {
-                    *at + *du * f32::from(x - cell.min[0]) + *dv * f32::from(y - cell.min[1])
-                }
-            };
-            out.push((e, Irradiance(value.max(Vec3::ZERO))));
-        }
-    }
-    out
 }

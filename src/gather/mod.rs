@@ -7,6 +7,7 @@
 mod bright;
 mod cells;
 mod hemisphere;
+mod interpolate;
 mod smooth;
 
 pub use bright::Bright;
