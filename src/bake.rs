@@ -227,7 +227,7 @@ fn shine<T: Tracer>(
         let mut radiosity: Vec<Radiosity> = (0..elements.len())
             .map(|e| elements.reflectance[e] * (direct.irradiance[e] + smooth[e]))
             .collect();
-        let bright = Bright::take(&elements, &patches, &mut radiosity);
+        let bright = Bright::take(&elements, &patches, &mut radiosity, effort.gather.rays);
         let around = Surroundings {
             tracer,
             radiosity: |hit: &Hit| lookup.element_at(hit).map_or(Radiosity::ZERO, |e| radiosity[e as usize]),

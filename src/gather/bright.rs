@@ -12,8 +12,8 @@ use glam::{DVec3, Vec3};
 
 /// A patch is bright beyond this many times the mean radiosity.
 const BRIGHT: f32 = 4.0;
-/// The most patches that are shot.
-const MOST: usize = 192;
+/// The most patches that are shot, as a share of the rays of a gather: they cost a ray each as well.
+const MOST_SHARE: u32 = 4;
 /// A patch fills its rectangle of texels at least to this share.
 const FULL: f64 = 0.8;
 
@@ -34,7 +34,12 @@ pub struct Bright {
 
 impl Bright {
     /// Finds them and takes their light out of `radiosity` (one row an element). `None` where no patch stands out.
-    pub fn take(elements: &Elements, patches: &Patches, radiosity: &mut [Radiosity]) -> Option<Self> {
+    pub fn take(
+        elements: &Elements,
+        patches: &Patches,
+        radiosity: &mut [Radiosity],
+        gather_rays: u32,
+    ) -> Option<Self> {
         let count = patches.len() as u32;
         let mean_of = |patch: u32| {
             let members = patches.elements_of(patch).iter().map(|&e| e as usize);
@@ -51,7 +56,7 @@ impl Bright {
             .filter_map(|p| shooter(elements, patches, p, light[p as usize]))
             .collect();
         shooters.sort_by(|a, b| b.power.total_cmp(&a.power).then(a.patch.cmp(&b.patch)));
-        shooters.truncate(MOST);
+        shooters.truncate((gather_rays / MOST_SHARE) as usize);
         for shooter in &shooters {
             patches.elements_of(shooter.patch).iter().for_each(|&e| radiosity[e as usize] = Radiosity::ZERO);
         }
