@@ -74,7 +74,16 @@ impl Setting {
 }
 
 pub fn all() -> Vec<Setting> {
-    vec![cornell(), hall(), spheres()]
+    vec![
+        cornell(),
+        hall(),
+        spheres(),
+        leaves(),
+        boxes(4, "boxes4"),
+        boxes(9, "boxes9"),
+        boxes(13, "boxes13"),
+        boxes(30, "boxes30"),
+    ]
 }
 
 /// A room with two boxes and a lamp: 36 triangles.
@@ -122,6 +131,26 @@ fn spheres() -> Setting {
         triangles.extend(sphere.iter().map(|t| t.map(|p| (middle + p * radius).as_vec3())));
     }
     Setting { name: "spheres", triangles }
+}
+
+/// A court with a tree of 60,000 leaves, a square each, that overlap and face all ways: 120,012 triangles.
+fn leaves() -> Setting {
+    let mut random = Random(4);
+    let mut triangles = Vec::new();
+    cuboid(&mut triangles, DVec3::new(0.0, 6.0, 0.0), DVec3::new(12.0, 6.0, 12.0), 0.0, true);
+    while triangles.len() < 120_012 {
+        let place = DVec3::new(random.unit(), random.unit(), random.unit()) * 2.0 - 1.0;
+        let outward = DVec3::new(random.unit(), random.unit(), random.unit()) * 2.0 - 1.0;
+        if place.length_squared() > 1.0 || outward.length_squared() < 0.01 {
+            continue;
+        }
+        let middle = place * 4.0 + DVec3::Y * 6.0;
+        let (s, t) = outward.normalize().any_orthonormal_pair();
+        let corner = |x: f64, y: f64| (middle + (s * x + t * y) * 0.12).as_vec3();
+        let [a, b, c, d] = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+        triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    Setting { name: "leaves", triangles }
 }
 
 /// The unit sphere in 1,280 triangles.
@@ -187,4 +216,16 @@ impl Random {
         let up = (1.0 - radius * radius).sqrt();
         (s * (radius * angle.cos()) + t * (radius * angle.sin()) + n * up).normalize().as_vec3()
     }
+}
+
+/// A room with some boxes.
+pub fn boxes(count: usize, name: &'static str) -> Setting {
+    let mut triangles = Vec::new();
+    let mut random = Random(9);
+    cuboid(&mut triangles, DVec3::ZERO, DVec3::ONE, 0.0, true);
+    for _ in 0..count {
+        let place = DVec3::new(random.unit(), random.unit(), random.unit()) * 1.6 - 0.8;
+        cuboid(&mut triangles, place, DVec3::splat(0.2), random.unit(), false);
+    }
+    Setting { name, triangles }
 }

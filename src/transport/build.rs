@@ -1,6 +1,6 @@
 //! The binary tree over boxes; the only file that names obvhs.
 
-use super::split::{Fragment, fragments};
+use super::shear::BOX_PAD;
 use glam::Vec3;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -24,11 +24,15 @@ pub(super) struct Binary {
 }
 
 impl Binary {
-    /// Builds over the given triangles, which must be finite; those that `may_split` stand in several leaves.
-    pub fn new(corners: &[[Vec3; 3]], triangles: &[u32], may_split: impl Fn(u32) -> bool) -> Self {
-        let fragments = fragments(corners, triangles, may_split);
+    /// Builds over the given triangles, which must be finite.
+    ///
+    /// Measured on columns, spheres and leaves of 100,000 to 256,000 triangles: a wider search, three rounds of
+    /// reinsertion or a larger share of nodes reinserted change the rays a second by less than 5 %; cutting the boxes
+    /// of slanted triangles costs 5 to 20 % where leaves hold up to 32 triangles.
+    pub fn new(corners: &[[Vec3; 3]], triangles: &[u32]) -> Self {
+        let padded = |&t: &u32| padded(&corners[t as usize]);
         let boxes: Vec<Aabb> =
-            fragments.iter().map(|f: &Fragment| Aabb::new(f.low.into(), f.high.into())).collect();
+            triangles.iter().map(padded).map(|(low, high)| Aabb::new(low.into(), high.into())).collect();
         let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(
             PlocSearchDistance::Medium,
             &boxes,
@@ -45,7 +49,7 @@ impl Binary {
         });
         Self {
             nodes: nodes.collect(),
-            primitives: bvh.primitive_indices.iter().map(|&i| fragments[i as usize].triangle).collect(),
+            primitives: bvh.primitive_indices.iter().map(|&i| triangles[i as usize]).collect(),
         }
     }
 
@@ -75,4 +79,11 @@ impl BinaryNode {
     pub fn range(&self) -> std::ops::Range<usize> {
         self.first as usize..(self.first + self.count) as usize
     }
+}
+
+/// The box of a triangle, larger on every side as the ray's test wants it, see [`super::shear::Slabs`].
+pub(super) fn padded([a, b, c]: &[Vec3; 3]) -> (Vec3, Vec3) {
+    let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
+    let pad = (high - low).max_element() * BOX_PAD;
+    ((low - pad).map(f32::next_down), (high + pad).map(f32::next_up))
 }

@@ -9,12 +9,13 @@
 //! surface one stands on.
 
 mod build;
+mod collapse;
 mod lanes;
 mod offset;
 mod pages;
 mod plan;
 mod shear;
-mod split;
+mod stack;
 mod tracer;
 mod traverse;
 mod tree;

@@ -1,4 +1,4 @@
-//! A slice on large memory pages.
+//! A slice on large memory pages, or at least on whole cache lines.
 //!
 //! A random walk through a tree of tens of megabytes misses the processor's table of small pages at nearly every
 //! step. Where the system lets a program ask for large ones (Linux, `madvise`), large slices ask.
@@ -9,6 +9,9 @@ use std::ptr::NonNull;
 
 /// Bytes of a large page, x86-64 and most of Arm.
 const LARGE_PAGE: usize = 2 << 20;
+
+/// Bytes of a cache line, or a multiple.
+const LINE: usize = 64;
 
 /// An immutable slice, on large pages when it is large.
 pub(super) struct Pages<T> {
@@ -44,8 +47,11 @@ impl<T> Pages<T> {
     fn layout(len: usize) -> Layout {
         let bytes = len * size_of::<T>();
         let large = bytes >= 2 * LARGE_PAGE;
-        let (bytes, align) =
-            if large { (bytes.next_multiple_of(LARGE_PAGE), LARGE_PAGE) } else { (bytes, align_of::<T>()) };
+        let (bytes, align) = if large {
+            (bytes.next_multiple_of(LARGE_PAGE), LARGE_PAGE)
+        } else {
+            (bytes, align_of::<T>().max(LINE))
+        };
         Layout::from_size_align(bytes, align).expect("items that exist in memory have a lawful size")
     }
 }

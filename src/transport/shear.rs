@@ -1,7 +1,7 @@
 //! A ray as the triangles and the tree want it.
 
 use super::Ray;
-use super::tree::{Leaf, Tree};
+use super::tree::{Block, Tree};
 use glam::{BVec3A, Vec3A};
 
 /// Unit roundoff of f32: the relative error of one rounded operation.
@@ -51,6 +51,9 @@ pub(super) struct Reach {
     pub surest: [f32; 2],
 }
 
+/// Axis numbers in the order of [`Sheared::axis`], by the last of them: a table is faster than choosing.
+static AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
+
 impl Sheared {
     /// `None` when the ray cannot meet anything: no direction, or a component that is not a number.
     #[inline(always)]
@@ -58,8 +61,8 @@ impl Sheared {
         let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
         let size = d.map(f32::abs);
         let z = if size[0] > size[1] && size[0] > size[2] { 0 } else { 1 + usize::from(size[2] > size[1]) };
-        let axis = [[1, 2, 0], [2, 0, 1], [0, 1, 2]][z];
-        if size[z] == 0.0 || size[z].is_nan() {
+        let axis = AXES[z];
+        if size[z].is_nan() || size[z] == 0.0 {
             return None;
         }
         Some(Self {
@@ -82,14 +85,14 @@ impl Sheared {
         }
     }
 
-    /// The exact hit test of one triangle of a leaf.
+    /// The exact hit test of one triangle of a block.
     ///
     /// The products of the projected corners are exact in f64 and so is the sign of their differences: a ray on a
     /// shared edge meets both triangles, never neither, and the weights have no cancellation error.
     #[inline(always)]
-    pub fn meet(&self, leaf: Leaf, lane: usize) -> Option<Meeting> {
+    pub fn meet(&self, block: Block, lane: usize) -> Option<Meeting> {
         let corner = |c: usize| {
-            let at = |k: usize| leaf.coordinate(self.axis[k], c, lane) - self.origin[k];
+            let at = |k: usize| block.coordinate(self.axis[k], c, lane) - self.origin[k];
             let (x, y, z) = (at(0), at(1), at(2));
             (f64::from(x - self.shear[0] * z), f64::from(y - self.shear[1] * z), f64::from(z))
         };
@@ -104,7 +107,7 @@ impl Sheared {
         let (least, most) = (least(least(u, v), w), most(most(u, v), w));
         let outside = (least < 0.0) & (most > 0.0);
         // The distance is not a number where the area is zero.
-        (!outside && t > 0.0).then(|| Meeting { t, id: leaf.id(lane), v, w, area })
+        (!outside && t > 0.0).then(|| Meeting { t, id: block.id(lane), v, w, area })
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Lanes;
 use crate::transport::shear::{Reach, Sheared, Slabs};
-use crate::transport::tree::{Leaf, Node, Tree, WIDTH};
+use crate::transport::tree::{Block, Node, WIDTH};
 use std::arch::x86_64::*;
 
 /// AVX2; only to be made where the processor has it.
@@ -79,12 +79,12 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn triangles(&self, leaf: Leaf, reach: &Reach) -> (u32, u32) {
+    fn triangles(&self, block: Block, reach: &Reach) -> (u32, u32) {
         // SAFETY: the type's contract; eight numbers can be read from the start of every row.
         unsafe {
-            let rows = leaf.rows();
+            let rows = block.rows();
             let at = |k: usize, corner: usize| {
-                let row = rows.add((3 * self.axis[k] + corner) * leaf.count());
+                let row = rows.add((3 * self.axis[k] + corner) * block.count());
                 _mm256_sub_ps(self.origin[k], _mm256_loadu_ps(row))
             };
             let (az, bz, cz) = (at(2, 0), at(2, 1), at(2, 2));
@@ -117,17 +117,17 @@ impl Lanes for Avx2 {
             let within =
                 _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(near, low), _mm256_cmp_ps::<_CMP_LT_OQ>(far, high));
             let sure = _mm256_movemask_ps(_mm256_and_ps(side, within)) as u32;
-            let there = u32::MAX >> (32 - leaf.count() as u32);
+            let there = u32::MAX >> (32 - block.count() as u32);
             (may & there, sure & there)
         }
     }
 
     #[inline(always)]
-    fn prefetch(tree: &Tree, child: u32) {
-        let (start, lines) = tree.place(child);
-        for line in 0..lines {
+    fn prefetch(node: &Node) {
+        let start = std::ptr::from_ref(node).cast::<i8>();
+        for line in 0..size_of::<Node>() / 64 {
             // SAFETY: prefetching reads nothing, whatever the address.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line).cast()) };
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)) };
         }
     }
 }

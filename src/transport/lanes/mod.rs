@@ -9,7 +9,7 @@ pub(super) use avx2::Avx2;
 pub(super) use portable::Portable;
 
 use super::shear::{Reach, Sheared, Slabs};
-use super::tree::{Leaf, Node, Tree, WIDTH};
+use super::tree::{Block, Node, WIDTH};
 
 /// The wide tests of one processor.
 ///
@@ -32,8 +32,33 @@ pub(super) trait Lanes: Copy {
 
     /// Bit k of the first is clear when [`Sheared::meet`] finds no meeting with triangle k within reach, bit k of the
     /// second is set when it surely finds one strictly within.
-    fn triangles(&self, leaf: Leaf, reach: &Reach) -> (u32, u32);
+    fn triangles(&self, block: Block, reach: &Reach) -> (u32, u32);
 
-    /// Asks the memory for a child early.
-    fn prefetch(tree: &Tree, child: u32);
+    /// Asks the memory for a node early.
+    fn prefetch(node: &Node);
+}
+
+/// Which wide instructions a tree is walked with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Processor {
+    /// Plain arrays.
+    #[default]
+    Portable,
+    /// AVX2 with FMA, in every x86-64 processor since about 2013 (Intel) and 2015 (AMD).
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+}
+
+impl Processor {
+    /// The best this processor has.
+    pub fn detect() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("fma")
+            && is_x86_feature_detected!("bmi1")
+        {
+            return Self::Avx2;
+        }
+        Self::Portable
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::Lanes;
 use crate::transport::shear::{Reach, Sheared, Slabs};
-use crate::transport::tree::{Leaf, Node, Tree, WIDTH};
+use crate::transport::tree::{Block, Node, WIDTH};
 
 /// Plain arrays.
 #[derive(Clone, Copy)]
@@ -59,10 +59,11 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn triangles(&self, leaf: Leaf, reach: &Reach) -> (u32, u32) {
-        let ray = &self.ray;
+    fn triangles(&self, block: Block, reach: &Reach) -> (u32, u32) {
+        let (ray, count) = (&self.ray, block.count());
         let at = |k: usize, corner: usize| -> Row {
-            each(|lane| ray.origin[k] - leaf.coordinate_or_any(ray.axis[k], corner, lane))
+            // Lanes beyond the last triangle repeat it.
+            each(|lane| ray.origin[k] - block.coordinate(ray.axis[k], corner, lane.min(count - 1)))
         };
         let (az, bz, cz) = (at(2, 0), at(2, 1), at(2, 2));
         let sheared = |k: usize, corner: usize, z: &Row| -> Row {
@@ -72,7 +73,7 @@ impl Lanes for Portable {
         let (ax, bx, cx) = (sheared(0, 0, &az), sheared(0, 1, &bz), sheared(0, 2, &cz));
         let (ay, by, cy) = (sheared(1, 0, &az), sheared(1, 1, &bz), sheared(1, 2, &cz));
         let (mut may, mut sure) = (0, 0);
-        for k in 0..leaf.count() {
+        for k in 0..count {
             let u = bx[k] * cy[k] - by[k] * cx[k];
             let v = cx[k] * ay[k] - cy[k] * ax[k];
             let w = ax[k] * by[k] - ay[k] * bx[k];
@@ -87,5 +88,5 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
-    fn prefetch(_: &Tree, _: u32) {}
+    fn prefetch(_: &Node) {}
 }

@@ -2,7 +2,7 @@
 
 use super::super::{Hit, Ray, World};
 use crate::transport::shear::Sheared;
-use crate::transport::tree::Leaf;
+use crate::transport::tree::LANES;
 use glam::{DVec3, Vec3};
 
 /// PCG32 (O'Neill 2014).
@@ -52,9 +52,13 @@ pub fn soup(random: &mut Random, count: usize, size: f32) -> Vec<[Vec3; 3]> {
 /// The nearest hit by the same triangle test, every triangle tried; ties to the lowest index.
 pub fn brute_force(world: &World, ray: &Ray) -> Option<Hit> {
     let sheared = Sheared::new(ray)?;
-    let of_leaf =
-        |leaf: Leaf| (0..leaf.count()).filter_map(|lane| sheared.meet(leaf, lane)).collect::<Vec<_>>();
-    let met = world.tree.leaves().flat_map(of_leaf).map(|meeting| meeting.to_hit(&sheared));
+    let mut met = Vec::new();
+    for leaf in world.tree.leaves() {
+        for k in 0..leaf.count() {
+            met.extend(sheared.meet(leaf.block(k / LANES * LANES), k % LANES));
+        }
+    }
+    let met = met.into_iter().map(|meeting| meeting.to_hit(&sheared));
     let nearer = |a: &Hit, b: &Hit| (a.t, a.triangle).partial_cmp(&(b.t, b.triangle)).unwrap();
     met.filter(|hit| hit.t < ray.t_max).min_by(nearer)
 }
