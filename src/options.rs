@@ -167,7 +167,7 @@ impl Quality {
             gather: GatherOptions { rays, tolerance, widest_cell },
         };
         match self {
-            Self::Draft => level(4, 16, 1000, 128, 0.12, 16),
+            Self::Draft => level(2, 16, 1000, 128, 0.12, 16),
             Self::Preview => level(4, 32, 2000, 192, 0.08, 16),
             Self::Good => level(8, 64, 4000, 256, 0.05, 16),
             Self::High => level(8, 128, 8000, 1024, 0.02, 16),

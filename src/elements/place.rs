@@ -11,6 +11,8 @@ use glam::DVec2;
 
 /// Texels of a side of the blocks that are asked together whether anything is near; bands begin at multiples of it.
 pub(super) const BLOCK: usize = 8;
+/// Texels of a side of the blocks that are asked one by one when something is near.
+const SMALLEST: usize = 2;
 
 /// The elements of a band before they are final.
 pub(super) struct Draft<'a> {
@@ -43,24 +45,49 @@ impl<T: Tracer> Judge<'_, T> {
         let mut members: Vec<usize> = Vec::with_capacity(BLOCK * BLOCK);
         for top in (0..height).step_by(BLOCK) {
             for left in (0..width).step_by(BLOCK) {
-                members.clear();
-                for y in top..(top + BLOCK).min(height) {
-                    let row = &draft.index[y * width..][left..(left + BLOCK).min(width)];
-                    members.extend(row.iter().filter(|&&i| i != NO_ELEMENT).map(|&i| i as usize));
-                }
-                let Some(&some) = members.first() else { continue };
-                if self.others_near(&draft.chart, members.iter().map(|&i| draft.spots[i])) {
-                    for &i in &members {
-                        draft.among_others[i] = true;
-                        self.place_one(probe, draft, i, &mut counts);
-                    }
-                } else if self.buried(probe, &draft.spots[some]).is_some() {
-                    counts.invalid += members.len() as u32;
-                    members.iter().for_each(|&i| draft.valid[i] = false);
-                }
+                self.place_block(probe, draft, [left, top], BLOCK, &mut members, &mut counts);
             }
         }
         counts
+    }
+
+    /// A block near other geometry is asked again in quarters, down to [`SMALLEST`]: a wall that stands on a surface
+    /// is near a line of texels only.
+    fn place_block(
+        &self,
+        probe: &Probe<T>,
+        draft: &mut Draft,
+        [left, top]: [usize; 2],
+        size: usize,
+        members: &mut Vec<usize>,
+        counts: &mut Counts,
+    ) {
+        let (width, height) = (draft.width, draft.index.len() / draft.width);
+        if left >= width || top >= height {
+            return;
+        }
+        members.clear();
+        for y in top..(top + size).min(height) {
+            let row = &draft.index[y * width..][left..(left + size).min(width)];
+            members.extend(row.iter().filter(|&&i| i != NO_ELEMENT).map(|&i| i as usize));
+        }
+        let Some(&some) = members.first() else { return };
+        if !self.others_near(&draft.chart, members.iter().map(|&i| draft.spots[i])) {
+            if self.buried(probe, &draft.spots[some]).is_some() {
+                counts.invalid += members.len() as u32;
+                members.iter().for_each(|&i| draft.valid[i] = false);
+            }
+        } else if size > SMALLEST {
+            let half = size / 2;
+            for corner in [[left, top], [left + half, top], [left, top + half], [left + half, top + half]] {
+                self.place_block(probe, draft, corner, half, members, counts);
+            }
+        } else {
+            for &i in members.iter() {
+                draft.among_others[i] = true;
+                self.place_one(probe, draft, i, counts);
+            }
+        }
     }
 
     fn place_one(&self, probe: &Probe<T>, draft: &mut Draft, i: usize, counts: &mut Counts) {
