@@ -1,0 +1,321 @@
+"""Draws error against time for lightkiln, Cycles and Cycles with OpenImageDenoise: one scene, one page, one reference.
+
+    python tools/compare_cycles.py SCENE.glb --out DIR [--page-size 512] [--samples 4,16,64] [--sky R,G,B]
+
+All bake the same texture space, the one lightkiln makes, and are asked at the same points of the surfaces. The
+reference is lightkiln's own `--quality reference`; the mean of the Cycles bake with the most samples, which has no
+bias, is printed beside it as a check. With `--points FILE.npz` (arrays p: positions, E: irradiance; metres and W/m² in
+glTF's axes) an independent reference takes its place.
+
+Seconds are those of the whole command for lightkiln, and of the bake operator alone for Cycles: its start, its import
+and the saving of the picture are not counted. Writes errors.csv and errors.png.
+
+Needs bpy (tools/requirements.txt) and matplotlib.
+"""
+
+import argparse
+import csv
+import json
+import subprocess
+import time
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Vector
+from mathutils.bvhtree import BVHTree
+
+LEVELS = ["draft", "preview", "good", "high"]
+POINTS = 20_000
+# Rows without a denoiser of their own.
+RAW, DENOISED, OURS = "Cycles", "Cycles + OpenImageDenoise", "lightkiln"
+
+
+def main():
+    wanted = arguments()
+    wanted.out.mkdir(parents=True, exist_ok=True)
+    rows, baked = [], {}
+    for level in [*wanted.quality, "reference"]:
+        if level == "reference" and wanted.points:
+            continue
+        baked[level], seconds = run_lightkiln(wanted, level)
+        rows.append([OURS, level, seconds, baked[level]])
+    scene = Imported(next(iter(baked.values())), wanted.sky)
+    points = scene.points_at(*load_points(wanted.points)) if wanted.points else scene.random_points(POINTS)
+    asked = {level: scene.ask(lightmap_of(path), points) for level, path in baked.items()}
+    truth = points["irradiance"] if wanted.points else asked["reference"]
+    results = [result(OURS, level, seconds, asked[level], truth) for _, level, seconds, _ in rows if level != "reference"]
+    for samples in wanted.samples:
+        pixels, seconds = scene.bake(samples, wanted.page_size)
+        results.append(result(RAW, samples, seconds, scene.ask(pixels * np.pi, points), truth))
+        clean, more = denoise(pixels)
+        results.append(result(DENOISED, samples, seconds + more, scene.ask(clean * np.pi, points), truth))
+    report(results, wanted)
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--page-size", type=int, default=512)
+    parser.add_argument("--samples", type=lambda s: [int(n) for n in s.split(",")], default=[4, 16, 64])
+    parser.add_argument("--quality", type=lambda s: s.split(","), default=LEVELS)
+    parser.add_argument("--sky", help="R,G,B of a constant sky, given to both")
+    parser.add_argument("--points", type=Path)
+    parser.add_argument("--lightkiln", default="target/release/lightkiln")
+    return parser.parse_args()
+
+
+def run_lightkiln(wanted, level):
+    out = wanted.out / f"{wanted.scene.stem}.{level}.glb"
+    command = [wanted.lightkiln, "bake", wanted.scene, "-o", out, "--quality", level, "--quiet", "--float",
+               "--page-size", wanted.page_size, "--max-pages", 1, "--store", "irradiance"]
+    if wanted.sky:
+        command += ["--sky", wanted.sky]
+    started = time.perf_counter()
+    subprocess.run([str(word) for word in command], check=True)
+    return out, time.perf_counter() - started
+
+
+def read_exr(path):
+    """[rows from the top, columns, 3]"""
+    import OpenEXR
+
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        channels = file.parts[0].channels
+        return np.stack([channels[name].pixels.astype(np.float64) for name in "RGB"], axis=-1)
+
+
+def lightmap_of(baked):
+    maps = sorted(baked.parent.glob(f"{baked.stem}.lightmap*.exr"))
+    if len(maps) != 1:
+        raise SystemExit(f"{baked} has {len(maps)} lightmaps, one is needed: lower --page-size's density or the scene")
+    return read_exr(maps[0])
+
+
+def load_points(path):
+    file = np.load(path)
+    return file["p"], file["E"], file["g"] if "g" in file else None
+
+
+class Imported:
+    """The baked scene in Blender: its own lamps, no specular lobes, sharp lamps as glTF has them."""
+
+    def __init__(self, baked, sky):
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        bpy.ops.import_scene.gltf(filepath=str(baked))
+        self.lit = [thing for thing in bpy.data.objects if thing.type == "MESH" and "lightmap" in thing]
+        if not self.lit:
+            raise SystemExit(f"{baked} has no object with a lightmap")
+        for lamp in bpy.data.lights:
+            lamp.shadow_soft_size = 0
+            if lamp.type == "SUN":
+                lamp.angle = 0
+        for thing in self.lit:
+            if thing.data.users > 1:
+                thing.data = thing.data.copy()
+            thing.data.uv_layers.active_index = self.set_of(thing)
+        if sky:
+            world = bpy.data.worlds.new("sky")
+            bpy.context.scene.world = world
+            world.use_nodes = True
+            world.node_tree.nodes["Background"].inputs[0].default_value = (*map(float, sky.split(",")[:3]), 1)
+        for material in bpy.data.materials:
+            make_matte(material)
+        self.triangles()
+
+    @staticmethod
+    def set_of(thing):
+        return thing["lightmap"].to_dict()["texCoord"]
+
+    def triangles(self):
+        corners, uvs = [], []
+        for thing in self.lit:
+            mesh, turn = thing.data, thing.matrix_world
+            mesh.calc_loop_triangles()
+            layer = mesh.uv_layers[self.set_of(thing)].uv
+            for triangle in mesh.loop_triangles:
+                corners.append([turn @ mesh.vertices[v].co for v in triangle.vertices])
+                uvs.append([layer[loop].vector[:] for loop in triangle.loops])
+        self.corners = np.array(corners, dtype=np.float64)
+        self.uv = np.array(uvs, dtype=np.float64)
+
+    def random_points(self, count):
+        a, b, c = self.corners.transpose(1, 0, 2)
+        area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        numbers = np.random.default_rng(1)
+        which = numbers.choice(len(area), size=count, p=area / area.sum())
+        s, t = np.sqrt(numbers.random(count)), numbers.random(count)
+        weights = np.stack([1 - s, s * (1 - t), s * t], axis=1)
+        return {"uv": np.einsum("nk,nkd->nd", weights, self.uv[which])}
+
+    def points_at(self, positions, irradiance, normals):
+        """Points of glTF's axes on the surfaces under them."""
+        flat = self.corners.reshape(-1, 3)
+        tree = BVHTree.FromPolygons([Vector(p) for p in flat], np.arange(len(flat)).reshape(-1, 3).tolist())
+        reach = 1e-3 * np.ptp(flat, axis=0).max()
+        uv, kept = [], []
+        for k, (x, y, z) in enumerate(positions):
+            at, out = Vector((x, -z, y)), None
+            if normals is not None:
+                out = Vector((normals[k][0], -normals[k][2], normals[k][1]))
+                _, _, index, _ = tree.ray_cast(at + out * reach, -out, 2 * reach)
+            else:
+                _, _, index, _ = tree.find_nearest(at, reach)
+            if index is None:
+                continue
+            a, b, c = self.corners[index]
+            weights, *_ = np.linalg.lstsq(np.stack([b - a, c - a], axis=1), np.array(at) - a, rcond=None)
+            uv.append(self.uv[index][0] + weights @ (self.uv[index][1:] - self.uv[index][0]))
+            kept.append(k)
+        return {"uv": np.array(uv), "irradiance": irradiance[kept]}
+
+    @staticmethod
+    def ask(pixels, points):
+        """Bilinear values; Blender's v runs up, rows run down."""
+        height, width = pixels.shape[:2]
+        x, y = points["uv"][:, 0] * width - 0.5, (1 - points["uv"][:, 1]) * height - 0.5
+        left, top = np.floor(x).astype(int), np.floor(y).astype(int)
+        fx, fy = (x - left)[:, None], (y - top)[:, None]
+        at = lambda row, column: pixels[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+        upper = at(top, left) * (1 - fx) + at(top, left + 1) * fx
+        lower = at(top + 1, left) * (1 - fx) + at(top + 1, left + 1) * fx
+        return upper * (1 - fy) + lower * fy
+
+    def bake(self, samples, size):
+        """E/π after so many samples a texel, and the seconds that took."""
+        image = bpy.data.images.new("bake", size, size, float_buffer=True, is_data=True)
+        for material in {slot.material for thing in self.lit for slot in thing.material_slots if slot.material}:
+            nodes = material.node_tree.nodes
+            target = nodes.get("bake target") or nodes.new("ShaderNodeTexImage")
+            target.name, target.image = "bake target", image
+            nodes.active = target
+            for node in nodes:
+                node.select = node == target
+        scene = bpy.context.scene
+        scene.render.engine = "CYCLES"
+        settings = scene.cycles
+        settings.samples, settings.use_adaptive_sampling, settings.use_denoising = samples, False, False
+        settings.max_bounces = settings.diffuse_bounces = 32
+        settings.sample_clamp_direct = settings.sample_clamp_indirect = 0
+        for thing in bpy.data.objects:
+            thing.select_set(thing in self.lit)
+        bpy.context.view_layer.objects.active = self.lit[0]
+        started = time.perf_counter()
+        bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT", "INDIRECT"}, margin=4, use_clear=True)
+        seconds = time.perf_counter() - started
+        pixels = pixels_of(image)
+        bpy.data.images.remove(image)
+        return pixels, seconds
+
+
+def make_matte(material):
+    """Diffuse only; single-sided surfaces emit to their front alone, as glTF has it."""
+    if not material.node_tree:
+        return
+    tree = material.node_tree
+    for node in [node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"]:
+        for link in list(node.inputs["Roughness"].links):
+            tree.links.remove(link)
+        node.inputs["Specular IOR Level"].default_value = 0
+        node.inputs["Roughness"].default_value = 1
+        strength = node.inputs["Emission Strength"]
+        if material.use_backface_culling and strength.default_value > 0 and not strength.is_linked:
+            facing, front, gate = (tree.nodes.new(kind) for kind in ("ShaderNodeNewGeometry", "ShaderNodeMath", "ShaderNodeMath"))
+            front.operation, front.inputs[0].default_value = "SUBTRACT", 1
+            gate.operation, gate.inputs[0].default_value = "MULTIPLY", strength.default_value
+            tree.links.new(facing.outputs["Backfacing"], front.inputs[1])
+            tree.links.new(front.outputs[0], gate.inputs[1])
+            tree.links.new(gate.outputs[0], strength)
+
+
+def pixels_of(image):
+    width, height = image.size
+    flat = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(flat)
+    return flat.reshape(height, width, -1)[::-1, :, :3].astype(np.float64)
+
+
+def denoise(pixels):
+    """OpenImageDenoise as Blender's compositor has it; seconds of the second of two runs, the first one loads it."""
+    height, width = pixels.shape[:2]
+    scene = bpy.data.scenes.new("denoise")
+    image = bpy.data.images.new("noisy", width, height, alpha=True, float_buffer=True, is_data=True)
+    flat = np.ones((height, width, 4), np.float32)
+    flat[:, :, :3] = pixels[::-1]
+    image.pixels.foreach_set(flat.ravel())
+    scene.use_nodes = True
+    tree = scene.node_tree
+    tree.nodes.clear()
+    source, filter_, sink = (tree.nodes.new(f"CompositorNode{kind}") for kind in ("Image", "Denoise", "OutputFile"))
+    source.image, filter_.use_hdr = image, True
+    folder = Path(bpy.app.tempdir)
+    sink.base_path, sink.format.file_format = str(folder), "OPEN_EXR"
+    sink.format.color_depth, sink.file_slots[0].path = "32", "clean"
+    tree.links.new(source.outputs[0], filter_.inputs[0])
+    tree.links.new(filter_.outputs[0], sink.inputs[0])
+    scene.camera = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
+    scene.collection.objects.link(scene.camera)
+    scene.render.resolution_x, scene.render.resolution_y = width, height
+    scene.render.engine, scene.cycles.samples = "CYCLES", 1
+    scene.view_settings.view_transform = "Raw"
+    for _ in range(2):
+        started = time.perf_counter()
+        bpy.ops.render.render(scene=scene.name)
+        seconds = time.perf_counter() - started
+    clean = read_exr(next(folder.glob("clean*.exr")))
+    bpy.data.scenes.remove(scene)
+    bpy.data.images.remove(image)
+    return clean, seconds
+
+
+def result(who, effort, seconds, found, truth):
+    """Errors as shares: of the root mean square for rms, of the mean for the others."""
+    good = np.isfinite(found).all(axis=1) & np.isfinite(truth).all(axis=1)
+    found, truth = found[good], truth[good]
+    error = np.abs(found - truth).mean(axis=1) / truth.mean()
+    return {
+        "by": who,
+        "effort": effort,
+        "seconds": round(seconds, 3),
+        "median error": float(np.median(error)),
+        "95th percentile": float(np.quantile(error, 0.95)),
+        "rms error": float(np.sqrt(((found - truth) ** 2).mean() / (truth**2).mean())),
+        "bias": float((found - truth).mean() / truth.mean()),
+    }
+
+
+def report(results, wanted):
+    for row in results:
+        errors = "  ".join(f"{key} {100 * row[key]:6.2f} %" for key in ("median error", "95th percentile", "rms error", "bias"))
+        print(f"{row['by']:26} {str(row['effort']):8} {row['seconds']:8.2f} s  {errors}")
+    with open(wanted.out / "errors.csv", "w", newline="") as file:
+        table = csv.DictWriter(file, results[0].keys())
+        table.writeheader()
+        table.writerows(results)
+    (wanted.out / "errors.json").write_text(json.dumps(results, indent=1))
+    draw(results, wanted)
+
+
+def draw(results, wanted):
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, plots = pyplot.subplots(1, 2, figsize=(11, 4.5), sharex=True)
+    for plot, key in zip(plots, ("median error", "95th percentile")):
+        for who, mark in ((OURS, "o-"), (DENOISED, "s--"), (RAW, "^:")):
+            rows = [row for row in results if row["by"] == who]
+            plot.loglog([row["seconds"] for row in rows], [100 * row[key] for row in rows], mark, label=who)
+            for row in rows:
+                plot.annotate(row["effort"], (row["seconds"], 100 * row[key]), xytext=(4, 4), textcoords="offset points", fontsize=8)
+        plot.set(xlabel="seconds", ylabel=f"{key}, % of the mean", title=f"{wanted.scene.stem}, {wanted.page_size}²")
+        plot.grid(True, which="both", alpha=0.3)
+    plots[0].legend()
+    figure.tight_layout()
+    figure.savefig(wanted.out / "errors.png", dpi=110)
+
+
+if __name__ == "__main__":
+    main()
