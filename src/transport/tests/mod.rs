@@ -1,4 +1,8 @@
 //! What every tracer must answer, checked against trying every triangle.
 
+mod boxes;
+mod offsets;
+mod processors;
 mod shapes;
 mod tracers;
+mod watertight;

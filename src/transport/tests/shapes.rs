@@ -75,3 +75,46 @@ pub fn independent(ray: &Ray, corners: &[Vec3; 3]) -> Option<(f64, f64)> {
     let inside = v.min(w).min(1.0 - v - w);
     (det != 0.0 && inside >= 0.0 && t > 0.0).then_some((t, inside))
 }
+
+/// The unit sphere of an icosahedron halved `times` times: 20 · 4ⁿ triangles, facing in, corners shared to the bit.
+pub fn icosphere(times: usize) -> Vec<[DVec3; 3]> {
+    let golden = (1.0 + 5.0f64.sqrt()) / 2.0;
+    let corner = |i: usize| {
+        let (s, t) = ([-1.0, 1.0][i % 2], [-golden, golden][i / 2 % 2]);
+        [DVec3::new(s, t, 0.0), DVec3::new(0.0, s, t), DVec3::new(t, 0.0, s)][i / 4].normalize()
+    };
+    let mut faces = Vec::new();
+    for (a, b, c) in (0..12).flat_map(|a| (a + 1..12).flat_map(move |b| (b + 1..12).map(move |c| (a, b, c))))
+    {
+        let [p, q, r] = [a, b, c].map(corner);
+        let neighbours = |x: DVec3, y: DVec3| x.distance(y) < 1.1;
+        if neighbours(p, q) && neighbours(q, r) && neighbours(r, p) {
+            let outward = (q - p).cross(r - p).dot(p) > 0.0;
+            faces.push(if outward { [p, r, q] } else { [p, q, r] });
+        }
+    }
+    for _ in 0..times {
+        let quarters = |[a, b, c]: [DVec3; 3]| {
+            let [d, e, f] = [(a + b).normalize(), (b + c).normalize(), (c + a).normalize()];
+            [[a, d, f], [d, b, e], [f, e, c], [d, e, f]]
+        };
+        faces = faces.into_iter().flat_map(quarters).collect();
+    }
+    faces
+}
+
+/// The cube from −1 to 1, 12 triangles facing in.
+pub fn cube() -> Vec<[DVec3; 3]> {
+    let corner = |i: usize| DVec3::new((i % 2) as f64, (i / 2 % 2) as f64, (i / 4) as f64) * 2.0 - 1.0;
+    let sides = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    sides
+        .iter()
+        .flat_map(|side| [[side[0], side[2], side[1]], [side[0], side[3], side[2]]])
+        .map(|t| t.map(corner))
+        .collect()
+}
+
+/// The mesh scaled, moved and rounded to f32.
+pub fn placed(mesh: &[[DVec3; 3]], scale: f64, middle: DVec3) -> Vec<[Vec3; 3]> {
+    mesh.iter().map(|corners| corners.map(|c| (middle + c * scale).as_vec3())).collect()
+}
