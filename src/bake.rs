@@ -215,10 +215,13 @@ fn shine<T: Tracer>(
     let lookup = Lookup::new(scene, &atlas, tracer.world(), &elements);
     let (patches, adapt_rays) =
         elements::adapt(&elements, elements::patches(&elements, effort.solve.patches), tracer);
+    let memory_bytes =
+        memory::left_for_form_factors(scene, &atlas, patches.len(), log.run.memory_limit_bytes);
     let coarse = log.stage(Stage::Solve, u64::from(effort.solve.patches), |progress| {
         let surfaces = Surfaces { elements: &elements, lookup: &lookup, patches: &patches, tracer };
         let radiance = |direction| sky.radiance(direction);
-        let coarse = coarse(&surfaces, &direct, faint.as_ref(), &radiance, &effort.solve, progress)?;
+        let coarse =
+            coarse(&surfaces, &direct, faint.as_ref(), &radiance, &effort.solve, memory_bytes, progress)?;
         let rays = coarse.rays + adapt_rays;
         Ok((coarse, rays))
     })?;

@@ -12,8 +12,10 @@ const PER_TEXEL: u64 = 4 + 12 + 1 + 12;
 const PER_ELEMENT: u64 = 98 + 5 * 12 + 5;
 /// Bytes a triangle costs: corners, tree, place in texture space.
 const PER_TRIANGLE: u64 = 260;
+/// Bytes a patch costs without its form factors.
+const PER_PATCH_AT_REST: u64 = 128;
 /// Bytes a patch costs: 64 sampled form factors, kept forwards and backwards.
-const PER_PATCH: u64 = 64 * 2 * 8 + 128;
+const PER_PATCH: u64 = 64 * 2 * 8 + PER_PATCH_AT_REST;
 /// The process itself, its threads and the bytes of the file.
 const BASE: u64 = 24 << 20;
 
@@ -52,6 +54,15 @@ pub fn check(scene: &Scene, atlas: &Atlas, patches: u32, limit_bytes: Option<u64
         }),
         _ => Ok(()),
     }
+}
+
+/// Form factors may take this much where nobody set a limit, bytes.
+const FORM_FACTORS: u64 = 4 << 30;
+
+/// What the bake's limit leaves for form factors, bytes; 4 GiB without one.
+pub fn left_for_form_factors(scene: &Scene, atlas: &Atlas, patches: usize, limit_bytes: Option<u64>) -> u64 {
+    let rest = predict(scene, atlas, 0) + patches as u64 * PER_PATCH_AT_REST;
+    limit_bytes.map_or(FORM_FACTORS, |limit| limit.saturating_sub(rest))
 }
 
 fn human(bytes: u64) -> String {

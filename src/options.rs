@@ -130,8 +130,37 @@ pub enum Solver {
     /// Shooting by largest unshot power, with ambient overshooting.
     #[default]
     Progressive,
-    /// The whole matrix, by relaxation.
+    /// The whole matrix, by [`Relaxation`].
     Matrix,
+}
+
+/// How the matrix solver goes from one approximation to the next.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Relaxation {
+    /// Patch after patch from the newest values.
+    #[default]
+    GaussSeidel,
+    /// The same with longer steps: successive over-relaxation by [`SolveOptions::over_relaxation`].
+    Sor,
+    /// Conjugate gradients on the symmetric system.
+    Cg,
+}
+
+/// How form factors are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FormFactors {
+    /// By cosine-distributed rays from all over the patch.
+    Ray,
+    /// By the pixels of hemicubes over a few points of the patch.
+    Hemicube,
+    /// By Lambert's formula, pair by pair, times visibility.
+    Analytic,
+    /// In closed form where patches stand so close that rays would be noisy and nothing stands between them, by rays
+    /// elsewhere.
+    #[default]
+    Auto,
 }
 
 /// The coarse solution.
@@ -139,12 +168,32 @@ pub enum Solver {
 pub struct SolveOptions {
     /// Which solver.
     pub solver: Solver,
+    /// What the matrix solver does; the progressive solver has no use for it.
+    pub relaxation: Relaxation,
+    /// By how much [`Relaxation::Sor`] lengthens its steps, in ]0, 2[.
+    pub over_relaxation: f64,
+    /// How form factors are found.
+    pub form_factors: FormFactors,
     /// About how many patches the scene is cut into.
     pub patches: u32,
     /// Rays a patch sends to find its form factors; a power of two.
     pub rays_per_patch: u32,
     /// Stops when the unshot power is below this share of all reflected power.
     pub tolerance: f64,
+}
+
+impl Default for SolveOptions {
+    fn default() -> Self {
+        Self {
+            solver: Solver::default(),
+            relaxation: Relaxation::default(),
+            over_relaxation: 1.2,
+            form_factors: FormFactors::default(),
+            patches: 4000,
+            rays_per_patch: 64,
+            tolerance: 1e-4,
+        }
+    }
 }
 
 /// The final gather.
@@ -163,7 +212,7 @@ impl Quality {
     pub fn light(self) -> LightOptions {
         let level = |probe_rays, penumbra_rays, patches, rays, tolerance, widest_cell| LightOptions {
             direct: DirectOptions { probe_rays, penumbra_rays },
-            solve: SolveOptions { solver: Solver::default(), patches, rays_per_patch: 64, tolerance: 1e-4 },
+            solve: SolveOptions { patches, ..SolveOptions::default() },
             gather: GatherOptions { rays, tolerance, widest_cell },
         };
         match self {

@@ -3,7 +3,8 @@
 use super::values::{self, Pick, Sky};
 use clap::{Args, Parser, Subcommand};
 use lightkiln::options::{
-    AtlasOptions, ExportOptions, ImportOptions, LampUnits, LampsOut, LightPart, Quality, Store,
+    AtlasOptions, ExportOptions, FormFactors, ImportOptions, LampUnits, LampsOut, LightPart, Quality,
+    Relaxation, SolveOptions, Solver, Store,
 };
 use std::path::PathBuf;
 
@@ -62,6 +63,10 @@ pub struct BakeArgs {
     /// How the scene is read.
     #[command(flatten)]
     pub scene: SceneArgs,
+
+    /// How light between surfaces is found.
+    #[command(flatten)]
+    pub solve: SolveArgs,
 
     /// How the bake runs.
     #[command(flatten)]
@@ -155,6 +160,28 @@ pub struct SceneArgs {
     /// Let the scene name files outside its own folder
     #[arg(long)]
     pub allow_outside: bool,
+}
+
+/// How light between surfaces is found.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Interreflection")]
+pub struct SolveArgs {
+    /// How the radiosity between patches is solved
+    #[arg(long, value_name = "SOLVER", value_enum, default_value_t = Pick(SolveOptions::default().solver))]
+    pub solver: Pick<Solver>,
+
+    /// What --solver matrix does [default: gauss-seidel]
+    #[arg(long, value_name = "METHOD", value_enum)]
+    pub relaxation: Option<Pick<Relaxation>>,
+
+    /// How the form factors between patches are found
+    #[arg(
+        long,
+        value_name = "METHOD",
+        value_enum,
+        default_value_t = Pick(SolveOptions::default().form_factors),
+    )]
+    pub form_factors: Pick<FormFactors>,
 }
 
 /// How the bake runs.

@@ -2,7 +2,7 @@
 
 use super::args::BakeArgs;
 use super::progress::Verbosity;
-use lightkiln::options::{AtlasOptions, BakeOptions, ExportOptions, ImportOptions};
+use lightkiln::options::{AtlasOptions, BakeOptions, ExportOptions, ImportOptions, Solver};
 use lightkiln::report::Report;
 use lightkiln::{Error, Result};
 use std::fs;
@@ -23,6 +23,8 @@ pub struct Job {
     pub threads: Option<usize>,
     /// The most memory to use, bytes.
     pub memory_limit_bytes: Option<u64>,
+    /// A relaxation was asked for that the solver has no use for.
+    idle_relaxation: bool,
 }
 
 /// Where a report goes.
@@ -44,7 +46,13 @@ pub enum Refusal {
 impl Job {
     /// What `args` mean.
     pub fn new(args: &BakeArgs) -> Self {
-        let BakeArgs { input, quality, output, atlas, scene, run } = args;
+        let BakeArgs { input, quality, output, atlas, scene, solve, run } = args;
+        let mut light = quality.0.light();
+        light.solve.solver = solve.solver.0;
+        light.solve.form_factors = solve.form_factors.0;
+        if let Some(relaxation) = solve.relaxation {
+            light.solve.relaxation = relaxation.0;
+        }
         let options = BakeOptions {
             import: ImportOptions {
                 scene: scene.scene.clone(),
@@ -59,7 +67,7 @@ impl Job {
                 max_pages: atlas.max_pages,
                 ..AtlasOptions::default()
             },
-            light: quality.0.light(),
+            light,
             export: ExportOptions {
                 output: output.output.clone(),
                 store: output.store.0,
@@ -86,12 +94,17 @@ impl Job {
             verbosity,
             threads: run.threads.map(usize::from),
             memory_limit_bytes: run.memory,
+            idle_relaxation: solve.relaxation.is_some() && solve.solver.0 != Solver::Matrix,
         }
     }
 
-    /// Refuses a report that would overwrite another file of the bake or has no place to be: an hour of baking must
+    /// Refuses options that contradict each other, and a report that would overwrite another file of the bake or has no place to be: an hour of baking must
     /// not end there. The other files are the library's to check.
     pub fn check(&self) -> std::result::Result<(), Refusal> {
+        if self.idle_relaxation {
+            let what = "--relaxation is a matter of the matrix solver; add --solver matrix or leave it out";
+            return Err(Refusal::Misuse(what.to_owned()));
+        }
         let Some(ReportTo::File(report)) = &self.report else { return Ok(()) };
         let export = &self.options.export;
         let others = [Some(&self.input), export.output.as_ref(), export.preview.as_ref()];
@@ -160,7 +173,9 @@ mod tests {
     use super::*;
     use crate::cli::args::{Cli, Command};
     use clap::Parser;
-    use lightkiln::options::{LampUnits, LampsOut, LightPart, Quality, SkyOption, Store};
+    use lightkiln::options::{
+        FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation, SkyOption, Store,
+    };
 
     fn job(arguments: &[&str]) -> Job {
         let typed = ["lightkiln", "bake", "room.glb"].iter().chain(arguments);
@@ -179,7 +194,8 @@ mod tests {
     fn what_is_typed_arrives() {
         let typed = "-o a.glb --preview b.glb --report c.json --store radiosity --light indirect --lamps tag --embed \
                      --float --density 2.5 --page-size 64 --max-pages 3 --scene attic --sky 1,2,3,2 --sun-angle 0.5 \
-                     --lamp-units gltf --allow-outside --threads 3 --memory 2GiB --quality high -v";
+                     --lamp-units gltf --allow-outside --threads 3 --memory 2GiB --quality high -v \
+                     --solver matrix --relaxation sor --form-factors hemicube";
         let Job { options, report, verbosity, threads, memory_limit_bytes, .. } =
             job(&typed.split_whitespace().collect::<Vec<_>>());
         let BakeOptions { import, atlas, light, export } = options;
@@ -195,7 +211,11 @@ mod tests {
         assert_eq!((import.scene.as_deref(), import.sun_angle_deg), (Some("attic"), Some(0.5)));
         assert_eq!(import.lamp_units, LampUnits::Gltf);
         assert!(matches!(import.sky, Some(SkyOption::Constant(sky)) if sky.0.to_array() == [2.0, 4.0, 6.0]));
-        assert_eq!(format!("{light:?}"), format!("{:?}", Quality::High.light()));
+        let mut expected = Quality::High.light();
+        expected.solve.solver = Solver::Matrix;
+        expected.solve.relaxation = Relaxation::Sor;
+        expected.solve.form_factors = FormFactors::Hemicube;
+        assert_eq!(format!("{light:?}"), format!("{expected:?}"));
         assert_eq!((threads, memory_limit_bytes, verbosity), (Some(3), Some(2 << 30), Verbosity::Verbose));
         assert!(matches!(job(&["--report", "-"]).report, Some(ReportTo::Stdout)));
     }
@@ -206,5 +226,13 @@ mod tests {
         assert!(misused(&["--report", "./room.glb"]));
         assert!(misused(&["-o", "out.glb", "--report", "./out.glb"]));
         assert!(!misused(&["--report", "room.json"]));
+    }
+
+    #[test]
+    fn a_relaxation_belongs_to_the_matrix() {
+        let misused = |arguments: &[&str]| matches!(job(arguments).check(), Err(Refusal::Misuse(_)));
+        assert!(misused(&["--relaxation", "cg"]));
+        assert!(misused(&["--solver", "progressive", "--relaxation", "gauss-seidel"]));
+        assert!(!misused(&["--solver", "matrix", "--relaxation", "cg"]));
     }
 }

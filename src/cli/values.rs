@@ -3,7 +3,9 @@
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, RangedI64ValueParser};
 use glam::Vec3;
-use lightkiln::options::{LampUnits, LampsOut, LightPart, Quality, SkyOption, Store};
+use lightkiln::options::{
+    FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation, SkyOption, Solver, Store,
+};
 use lightkiln::units::Radiance;
 use std::path::{Path, PathBuf};
 
@@ -57,6 +59,45 @@ impl Named for LampUnits {
             }
             Self::Unitless => ("unitless", "numbers as they are, W/sr and W/m²"),
             Self::Gltf => ("gltf", "candela, lux and nits taken literally"),
+        }
+    }
+}
+
+impl Named for Solver {
+    const ALL: &'static [Pick<Self>] = &[Pick(Self::Progressive), Pick(Self::Matrix)];
+
+    fn describe(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Progressive => ("progressive", "shoots the largest unshot power first"),
+            Self::Matrix => ("matrix", "iterates over all form factors, which it keeps; to compare with"),
+        }
+    }
+}
+
+impl Named for Relaxation {
+    const ALL: &'static [Pick<Self>] = &[Pick(Self::GaussSeidel), Pick(Self::Sor), Pick(Self::Cg)];
+
+    fn describe(self) -> (&'static str, &'static str) {
+        match self {
+            Self::GaussSeidel => ("gauss-seidel", "patch after patch from the newest values"),
+            Self::Sor => ("sor", "the same with longer steps: successive over-relaxation"),
+            Self::Cg => ("cg", "conjugate gradients on the symmetric system"),
+        }
+    }
+}
+
+impl Named for FormFactors {
+    const ALL: &'static [Pick<Self>] =
+        &[Pick(Self::Ray), Pick(Self::Hemicube), Pick(Self::Analytic), Pick(Self::Auto)];
+
+    fn describe(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Ray => ("ray", "by cosine-distributed rays"),
+            Self::Hemicube => ("hemicube", "by the pixels of half cubes over the patch; slower"),
+            Self::Analytic => {
+                ("analytic", "by Lambert's formula for every pair, times visibility; slow, to compare with")
+            }
+            Self::Auto => ("auto", "closed forms for near pairs that see each other whole, rays elsewhere"),
         }
     }
 }
@@ -211,6 +252,9 @@ mod tests {
         names_agree::<LightPart>();
         names_agree::<Store>();
         names_agree::<LampsOut>();
+        names_agree::<Solver>();
+        names_agree::<Relaxation>();
+        names_agree::<FormFactors>();
     }
 
     #[test]

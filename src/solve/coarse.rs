@@ -1,6 +1,6 @@
 //! Elements and patches -> the coarse solution: rows by rays, then shooting.
 
-use super::{Ledger, Problem, Progressive, Rows, StepReport};
+use super::{Ledger, Problem, Rows};
 use crate::direct::{Direct, Faint};
 use crate::elements::{Elements, Lookup, Patches};
 use crate::error::Result;
@@ -12,13 +12,6 @@ use crate::units::{Irradiance, Radiance};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::f32::consts::PI;
-
-/// Shots between two looks at the clock and the cancel flag.
-const SHOTS_PER_LOOK: u32 = 256;
-
-/// Sweeps end there. A closed room takes ln(1/tolerance)/(1 − ρ) of them at most, 10,000 at a reflectance of 0.999 and
-/// a tolerance of 1e-4; rooms that are not of one reflectance all over, or not quite closed, take far fewer.
-const MOST_SWEEPS: u32 = 10_000;
 
 /// What elements are made of, as the coarse solution sees them.
 pub struct Surfaces<'a, T> {
@@ -53,6 +46,7 @@ pub fn coarse<T: Tracer>(
     faint: Option<&Faint>,
     sky: &(impl Fn(Vec3) -> Radiance + Sync),
     options: &SolveOptions,
+    memory_bytes: u64,
     progress: &mut Progress,
 ) -> Result<Coarse> {
     let patches = surfaces.patches;
@@ -74,30 +68,7 @@ pub fn coarse<T: Tracer>(
         .collect();
     let problem = problem(surfaces, direct, &outside, rows)?;
 
-    let mut solver = Progressive::new(&problem);
-    // Shooting distributes most of the power in a few shots; what is then left lies spread over all patches, where a
-    // sweep is cheaper than as many shots: the stage took 11.2 s for 25,000 patches by shots alone, 1.6 s with sweeps.
-    let done = |step: &StepReport| step.unshot_fraction <= options.tolerance;
-    let mut shot_out = false;
-    'shooting: while !progress.cancelled() {
-        for _ in 0..SHOTS_PER_LOOK {
-            let step = solver.step();
-            shot_out = step.shooter.is_none() || done(&step);
-            if shot_out || step.shots >= patches.len() as u64 {
-                break 'shooting;
-            }
-        }
-        progress.unshot(solver.solution().unshot_fraction);
-    }
-    for _ in 0..MOST_SWEEPS {
-        if shot_out || progress.cancelled() {
-            break;
-        }
-        let step = solver.sweep();
-        progress.unshot(step.unshot_fraction);
-        shot_out = done(&step);
-    }
-    let solution = solver.solution();
+    let solution = super::solve(&problem, options, memory_bytes, progress)?;
     let irradiance = solution
         .received
         .iter()

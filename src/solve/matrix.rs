@@ -8,6 +8,7 @@ use super::progressive::Solution;
 use super::rows::RowSource;
 use super::{Rgb, bound, weighted_sum, weighted_sum_abs};
 use crate::error::{Error, Result};
+use crate::progress::Progress;
 use crate::transport::form_factors::Row;
 use rayon::prelude::*;
 
@@ -65,7 +66,12 @@ pub fn predicted_bytes(patches: usize, entries: usize, relaxation: Relaxation) -
 /// Solves the whole system.
 ///
 /// Fails with [`Error::TooLarge`] before anything is allocated, where the matrix would not fit.
-pub fn solve<R: RowSource>(problem: &Problem<R>, options: &MatrixOptions) -> Result<Solution> {
+/// Fails with [`Error::Invalid`] for a relaxation factor outside ]0, 2[.
+pub fn solve<R: RowSource>(
+    problem: &Problem<R>,
+    options: &MatrixOptions,
+    progress: &Progress,
+) -> Result<Solution> {
     let patches = problem.len();
     let wanted = predicted_bytes(patches, problem.rows().entries(), options.relaxation);
     if wanted > options.memory_bytes {
@@ -101,7 +107,8 @@ pub fn solve<R: RowSource>(problem: &Problem<R>, options: &MatrixOptions) -> Res
         let power =
             weighted_sum(problem.area(), &residual.iter().map(|r| r.map(f64::abs)).collect::<Vec<_>>());
         let done = (0..3).all(|c| power[c] <= options.tolerance * emitted[c]);
-        if done || sweeps >= options.max_sweeps {
+        progress.unshot(share(power.element_sum(), emitted.element_sum()));
+        if done || sweeps >= options.max_sweeps || progress.cancelled() {
             return Ok(finished(problem, &matrix, radiosity, received, residual, sweeps));
         }
         match options.relaxation {
@@ -114,6 +121,10 @@ pub fn solve<R: RowSource>(problem: &Problem<R>, options: &MatrixOptions) -> Res
         }
         sweeps += 1;
     }
+}
+
+fn share(part: f64, whole: f64) -> f64 {
+    if whole > 0.0 { part / whole } else { 0.0 }
 }
 
 /// s + ρFb − b.
@@ -167,7 +178,7 @@ fn finished<R: RowSource>(
         radiosity: radiosity.iter().zip(&residual).map(|(&b, &r)| b + r).collect(),
         received,
         unshot_power,
-        unshot_fraction: if emitted > 0.0 { unshot_power / emitted } else { 0.0 },
+        unshot_fraction: share(unshot_power, emitted),
         ledger,
         shots: 0,
         sweeps,

@@ -10,7 +10,7 @@ mod suite;
 
 use glam::{DVec3, dvec3};
 use lightkiln::Error;
-use lightkiln::options::{Quality, SolveOptions, Solver};
+use lightkiln::options::{self, Quality, SolveOptions, Solver};
 use lightkiln::progress::{Progress, Silent, Stage};
 use lightkiln::solve::matrix::{self, MatrixOptions};
 use lightkiln::solve::{Made, Problem, Progressive, Relaxation, RowSource, Rows, Solution, solve};
@@ -45,18 +45,22 @@ impl Way {
             Self::RemadeShots => shoot(Progressive::remaking(problem)),
             Self::Sweeps => sweep(Progressive::new(&kept())),
             Self::RemadeSweeps => sweep(Progressive::remaking(problem)),
-            Self::Matrix(relaxation) => matrix::solve(
-                problem,
-                &MatrixOptions {
+            Self::Matrix(relaxation) => {
+                let options = MatrixOptions {
                     relaxation,
                     tolerance: TOLERANCE,
                     max_sweeps: 100_000,
                     ..MatrixOptions::default()
-                },
-            )
-            .unwrap(),
+                };
+                watched(|progress| matrix::solve(problem, &options, progress)).unwrap()
+            }
         }
     }
+}
+
+/// Work that nobody listens to or stops.
+fn watched<R>(work: impl FnOnce(&Progress) -> R) -> R {
+    work(&Progress::begin(&Silent, &AtomicBool::new(false), Stage::Solve, 1))
 }
 
 fn shoot<T: lightkiln::solve::Transfer>(mut solver: Progressive<T>) -> Solution {
