@@ -62,6 +62,8 @@ pub struct Lit {
     pub direct: Vec<Irradiance>,
     /// All other irradiance, sky included, one row an element.
     pub indirect: Vec<Irradiance>,
+    /// What was thought before the light stages that the bake would take, bytes.
+    pub predicted_memory_bytes: u64,
     /// What each stage cost.
     pub stages: Vec<StageReport>,
     /// What the light stages did.
@@ -151,6 +153,7 @@ pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
             lamp_units: scene.lamp_units,
             seconds_total: (run.clock)() - started,
             stages: log.stages,
+            predicted_memory_bytes: lit.predicted_memory_bytes,
             atlas: lit.atlas_report(),
             light: lit.light,
             effects: lit.plan.effects,
@@ -184,9 +187,11 @@ fn light_into(scene: &Scene, options: &BakeOptions, log: &mut Log) -> Result<Lit
     let atlas = log.stage(Stage::Atlas, geometries, |progress| {
         Ok((atlas::unwrap(scene, &plan.sides, &options.atlas, progress)?, 0))
     })?;
-    memory::check(scene, &atlas, options.light.solve.patches, log.run.memory_limit_bytes)?;
+    let predicted_memory_bytes =
+        memory::check(scene, &atlas, options.light.solve.patches, log.run.memory_limit_bytes)?;
     let world = log.stage(Stage::Transport, 1, |_| Ok((World::new(scene), 0)))?;
-    with_tracer!(world.tracer(scene), tracer => shine(scene, plan, atlas, tracer, options, log))
+    let lit = with_tracer!(world.tracer(scene), tracer => shine(scene, plan, atlas, tracer, options, log))?;
+    Ok(Lit { predicted_memory_bytes, ..lit })
 }
 
 /// The stages that send rays, compiled once for each kind of tracer.
@@ -264,6 +269,7 @@ fn shine<T: Tracer>(
         indirect: indirect.irradiance,
         elements,
         stages: Vec::new(),
+        predicted_memory_bytes: 0,
         light,
         warnings,
     })

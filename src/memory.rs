@@ -16,10 +16,15 @@ const PER_TRIANGLE: u64 = 260;
 const PER_PATCH_AT_REST: u64 = 128;
 /// Bytes a patch costs: 64 sampled form factors, kept forwards and backwards.
 const PER_PATCH: u64 = 64 * 2 * 8 + PER_PATCH_AT_REST;
-/// The process itself, its threads and the bytes of the file.
-const BASE: u64 = 24 << 20;
+/// Bytes an element costs while a stage collects what its tasks made; tasks are bounded, so only the first
+/// [`MOST_IN_FLIGHT`] elements do.
+const PER_ELEMENT_IN_FLIGHT: u64 = 70;
+/// See [`PER_ELEMENT_IN_FLIGHT`].
+const MOST_IN_FLIGHT: u64 = 1 << 20;
+/// The process itself, its threads and the bytes of a small file.
+const BASE: u64 = 9 << 20;
 
-/// Predicts the most memory a bake holds at once, bytes.
+/// Predicts the most memory a bake holds at once, bytes: within 20 %, see `tests/memory.rs`.
 pub fn predict(scene: &Scene, atlas: &Atlas, patches: u32) -> u64 {
     let texels: u64 = atlas.pages.iter().map(|p| u64::from(p.size_texels).pow(2)).sum();
     let lit: u64 = atlas
@@ -35,13 +40,14 @@ pub fn predict(scene: &Scene, atlas: &Atlas, patches: u32) -> u64 {
         scene.textures.iter().map(|t| u64::from(t.size()[0]) * u64::from(t.size()[1]) * 4).sum();
     BASE + texels * PER_TEXEL
         + lit * PER_ELEMENT
+        + lit.min(MOST_IN_FLIGHT) * PER_ELEMENT_IN_FLIGHT
         + triangles * PER_TRIANGLE
         + textures
         + u64::from(patches) * PER_PATCH
 }
 
-/// Refuses a bake that would want more than it may have.
-pub fn check(scene: &Scene, atlas: &Atlas, patches: u32, limit_bytes: Option<u64>) -> Result<()> {
+/// Refuses a bake that would want more than it may have; tells what it will want, bytes.
+pub fn check(scene: &Scene, atlas: &Atlas, patches: u32, limit_bytes: Option<u64>) -> Result<u64> {
     let wanted = predict(scene, atlas, patches);
     match limit_bytes {
         Some(limit) if wanted > limit => Err(Error::TooLarge {
@@ -52,7 +58,7 @@ pub fn check(scene: &Scene, atlas: &Atlas, patches: u32, limit_bytes: Option<u64
                 human(limit)
             ),
         }),
-        _ => Ok(()),
+        _ => Ok(wanted),
     }
 }
 

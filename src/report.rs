@@ -28,6 +28,8 @@ pub struct Report {
     pub stages: Vec<StageReport>,
     /// From start to end, seconds.
     pub seconds_total: f64,
+    /// The most memory that the bake was thought to take, before its light stages, bytes; the last stage tells what it took.
+    pub predicted_memory_bytes: u64,
     /// Texture space.
     pub atlas: AtlasReport,
     /// Light.
