@@ -68,10 +68,12 @@ impl<'a> Lookup<'a> {
     pub fn element_at(&self, hit: &Hit) -> Option<u32> {
         let (side, p) = self.place(hit)?;
         let page = &self.elements.pages[side.page as usize];
-        let limit = page.size_texels as f32 - 1.0;
-        let (x, y) = (p.x.floor().clamp(0.0, limit), p.y.floor().clamp(0.0, limit));
+        let limit = page.size_texels - 1;
+        // Casts round towards zero and stay in range: no call to `floor` where the processor has no instruction for it.
+        let (x, y) = ((p.x as u32).min(limit), (p.y as u32).min(limit));
         let found = page.element[y as usize * page.size_texels as usize + x as usize];
-        if found != NO_ELEMENT && self.elements.chart[found as usize] == side.chart {
+        // NO_ELEMENT is in no range; the charts' ranges stay in the cache, rows of elements do not.
+        if self.elements.charts[side.chart as usize].elements.contains(&found) {
             return Some(found);
         }
         self.nearest(side, p)
