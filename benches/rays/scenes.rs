@@ -3,10 +3,11 @@
 use glam::{DVec3, Vec3};
 use lightkiln::transport::{Ray, World, segment};
 use std::f64::consts::TAU;
+use std::path::Path;
 
 /// Triangles with a name.
 pub struct Setting {
-    pub name: &'static str,
+    pub name: String,
     pub triangles: Vec<[Vec3; 3]>,
 }
 
@@ -73,17 +74,17 @@ impl Setting {
     }
 }
 
+/// The scenes built here.
 pub fn all() -> Vec<Setting> {
-    vec![
-        cornell(),
-        hall(),
-        spheres(),
-        leaves(),
-        boxes(4, "boxes4"),
-        boxes(9, "boxes9"),
-        boxes(13, "boxes13"),
-        boxes(30, "boxes30"),
-    ]
+    vec![cornell(), boxes(), hall(), spheres(), leaves()]
+}
+
+/// All triangles of a glTF file, taken as opaque.
+pub fn from_file(path: &Path) -> Setting {
+    let (_, scene) = lightkiln::import::load(path, &Default::default()).expect("the file can be read");
+    let world = World::new(&scene);
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    Setting { name, triangles: (0..world.len() as u32).map(|t| world.corners(t)).collect() }
 }
 
 /// A room with two boxes and a lamp: 36 triangles.
@@ -92,7 +93,19 @@ fn cornell() -> Setting {
     cuboid(&mut triangles, DVec3::ZERO, DVec3::ONE, 0.0, true);
     cuboid(&mut triangles, DVec3::new(-0.35, -0.4, -0.3), DVec3::new(0.3, 0.6, 0.3), 0.3, false);
     cuboid(&mut triangles, DVec3::new(0.35, -0.7, 0.3), DVec3::splat(0.3), -0.3, false);
-    Setting { name: "cornell", triangles }
+    Setting { name: "cornell".into(), triangles }
+}
+
+/// A room with thirteen boxes: 168 triangles.
+fn boxes() -> Setting {
+    let mut random = Random(9);
+    let mut triangles = Vec::new();
+    cuboid(&mut triangles, DVec3::ZERO, DVec3::ONE, 0.0, true);
+    for _ in 0..13 {
+        let middle = DVec3::new(random.unit(), random.unit(), random.unit()) * 1.6 - 0.8;
+        cuboid(&mut triangles, middle, DVec3::splat(0.2), random.unit(), false);
+    }
+    Setting { name: "boxes".into(), triangles }
 }
 
 /// A room with four hundred thin, tilted columns of sixty-four sides: 100,812 triangles.
@@ -116,7 +129,7 @@ fn hall() -> Setting {
             triangles.push([ring(0, 1.0), ring(k + 1, 1.0), ring(k, 1.0)]);
         }
     }
-    Setting { name: "hall", triangles }
+    Setting { name: "hall".into(), triangles }
 }
 
 /// A room with two hundred spheres: 256,012 triangles.
@@ -130,7 +143,7 @@ fn spheres() -> Setting {
         let radius = 0.3 + 0.7 * random.unit();
         triangles.extend(sphere.iter().map(|t| t.map(|p| (middle + p * radius).as_vec3())));
     }
-    Setting { name: "spheres", triangles }
+    Setting { name: "spheres".into(), triangles }
 }
 
 /// A court with a tree of 60,000 leaves, a square each, that overlap and face all ways: 120,012 triangles.
@@ -150,7 +163,7 @@ fn leaves() -> Setting {
         let [a, b, c, d] = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
         triangles.extend([[a, b, c], [a, c, d]]);
     }
-    Setting { name: "leaves", triangles }
+    Setting { name: "leaves".into(), triangles }
 }
 
 /// The unit sphere in 1,280 triangles.
@@ -216,16 +229,4 @@ impl Random {
         let up = (1.0 - radius * radius).sqrt();
         (s * (radius * angle.cos()) + t * (radius * angle.sin()) + n * up).normalize().as_vec3()
     }
-}
-
-/// A room with some boxes.
-pub fn boxes(count: usize, name: &'static str) -> Setting {
-    let mut triangles = Vec::new();
-    let mut random = Random(9);
-    cuboid(&mut triangles, DVec3::ZERO, DVec3::ONE, 0.0, true);
-    for _ in 0..count {
-        let place = DVec3::new(random.unit(), random.unit(), random.unit()) * 1.6 - 0.8;
-        cuboid(&mut triangles, place, DVec3::splat(0.2), random.unit(), false);
-    }
-    Setting { name, triangles }
 }
