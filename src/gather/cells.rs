@@ -2,6 +2,7 @@
 
 use super::hemisphere::{DirectionSet, Gathered};
 use super::interpolate::{Finished, Nodes, Shape, plane};
+use super::parted::parted;
 use super::{Indirect, Surroundings};
 use crate::direct::{Block, Direct};
 use crate::elements::{Chart, Elements, NO_ELEMENT};
@@ -87,6 +88,11 @@ pub(super) fn fill<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
                 &mut state,
                 progress,
             );
+        }
+        if !progress.cancelled() {
+            let (hidden, rays) = parted(elements, &finished, &state.gathered, around.tracer);
+            state.rays += rays;
+            evaluate(elements, around, set, &hidden, &mut state, progress);
         }
         spread(elements, &finished, &mut state);
     }
@@ -323,7 +329,7 @@ impl Judge<'_> {
                 .collect();
             let (at, du, dv) = plane(&points);
             let fits = points.iter().all(|&(x, y, v)| agrees(v - (at + du * x + dv * y)));
-            fits.then_some(Shape::Plane { at, du, dv })
+            fits.then_some(Shape::Plane { middle: proxies.element[4], at, du, dv })
         };
         shape.map_or(Verdict::Split, |shape| Verdict::Smooth(Finished { cell: *cell, shape, allowed }))
     }

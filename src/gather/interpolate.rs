@@ -20,7 +20,7 @@ pub(super) enum Shape {
     /// Through four corners and a middle that lie exactly on the grid.
     Quadratic { corner: [u32; 4], middle: u32 },
     /// `at + du·x + dv·y`, texels from the cell's corner: a least-squares plane through nodes that do not.
-    Plane { at: Vec3, du: Vec3, dv: Vec3 },
+    Plane { middle: u32, at: Vec3, du: Vec3, dv: Vec3 },
 }
 
 /// A cell whose nodes agree.
@@ -47,7 +47,7 @@ impl Nodes<'_> {
         let Finished { cell, shape, allowed } = finished;
         let chart = &self.elements.charts[cell.chart as usize];
         let surface: Box<dyn Fn(f32, f32) -> Vec3> = match *shape {
-            Shape::Plane { at, du, dv } => Box::new(move |x, y| at + du * x + dv * y),
+            Shape::Plane { at, du, dv, .. } => Box::new(move |x, y| at + du * x + dv * y),
             Shape::Quadratic { corner, middle } => {
                 let grid = self.grid(cell, chart, corner, middle, *allowed);
                 Box::new(move |x, y| grid.at(x, y))

@@ -8,6 +8,7 @@ mod bright;
 mod cells;
 mod hemisphere;
 mod interpolate;
+mod parted;
 mod smooth;
 
 pub use bright::Bright;
