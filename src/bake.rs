@@ -11,7 +11,7 @@ use crate::plan::{self, Plan};
 use crate::progress::{Observer, Progress, Silent, Stage};
 use crate::report::{self, AtlasReport, EnergyReport, LightReport, Report, StageReport};
 use crate::scene::Scene;
-use crate::solve::coarse::{Surfaces, coarse};
+use crate::solve::coarse::{Sources, Surfaces, coarse};
 use crate::transport::{Hit, Tracer, World};
 use crate::units::{Irradiance, Radiosity};
 use crate::{import, memory, resolve, with_tracer};
@@ -224,9 +224,9 @@ fn shine<T: Tracer>(
         memory::left_for_form_factors(scene, &atlas, patches.len(), log.run.memory_limit_bytes);
     let coarse = log.stage(Stage::Solve, u64::from(effort.solve.patches), |progress| {
         let surfaces = Surfaces { elements: &elements, lookup: &lookup, patches: &patches, tracer };
-        let radiance = |direction| sky.radiance(direction);
-        let coarse =
-            coarse(&surfaces, &direct, faint.as_ref(), &radiance, &effort.solve, memory_bytes, progress)?;
+        let sky = |direction| sky.radiance(direction);
+        let sources = Sources { direct: &direct, faint: faint.as_ref(), sky };
+        let coarse = coarse(&surfaces, &sources, &effort.solve, memory_bytes, progress)?;
         let rays = coarse.rays + adapt_rays;
         Ok((coarse, rays))
     })?;
@@ -250,6 +250,8 @@ fn shine<T: Tracer>(
     let light = LightReport {
         patches: patches.len() as u64,
         shots: coarse.shots,
+        sweeps: coarse.sweeps,
+        form_factors: coarse.form_factors,
         rays: log.stages.iter().map(|s| s.rays).sum(),
         ledger: EnergyReport {
             emitted: coarse.ledger.emitted.to_array(),
@@ -258,6 +260,7 @@ fn shine<T: Tracer>(
             unshot: coarse.ledger.unshot.to_array(),
         },
         unshot_fraction: coarse.unshot_fraction,
+        unshot_error_bound: Some(coarse.error_bound).filter(|bound| bound.is_finite()),
         estimated_error: None,
     };
     let warnings = [atlas.warnings.clone(), noticed.warnings].concat();

@@ -176,7 +176,8 @@ pub struct SolveOptions {
     pub form_factors: FormFactors,
     /// About how many patches the scene is cut into.
     pub patches: u32,
-    /// Rays a patch sends to find its form factors; a power of two.
+    /// Rays a patch of mean area sends to find its form factors, a power of two; others in proportion to the root of
+    /// their area. Few will do: the gather averages over many patches.
     pub rays_per_patch: u32,
     /// Stops when the unshot power is below this share of all reflected power.
     pub tolerance: f64,
@@ -190,7 +191,7 @@ impl Default for SolveOptions {
             over_relaxation: 1.2,
             form_factors: FormFactors::default(),
             patches: 4000,
-            rays_per_patch: 64,
+            rays_per_patch: 32,
             tolerance: 1e-4,
         }
     }
@@ -210,17 +211,17 @@ pub struct GatherOptions {
 impl Quality {
     /// The settings a level stands for.
     pub fn light(self) -> LightOptions {
-        let level = |probe_rays, penumbra_rays, patches, rays, tolerance, widest_cell| LightOptions {
+        let level = |probe_rays, penumbra_rays, solve: [u32; 2], rays, tolerance, widest_cell| LightOptions {
             direct: DirectOptions { probe_rays, penumbra_rays },
-            solve: SolveOptions { patches, ..SolveOptions::default() },
+            solve: SolveOptions { patches: solve[0], rays_per_patch: solve[1], ..SolveOptions::default() },
             gather: GatherOptions { rays, tolerance, widest_cell },
         };
         match self {
-            Self::Draft => level(2, 16, 1000, 128, 0.12, 16),
-            Self::Preview => level(4, 32, 2000, 192, 0.08, 16),
-            Self::Good => level(8, 64, 4000, 256, 0.05, 16),
-            Self::High => level(8, 128, 8000, 1024, 0.02, 16),
-            Self::Reference => level(16, 256, 16000, 4096, 0.0, 16),
+            Self::Draft => level(2, 16, [1000, 16], 128, 0.12, 16),
+            Self::Preview => level(4, 32, [2000, 16], 192, 0.08, 16),
+            Self::Good => level(8, 64, [4000, 32], 256, 0.05, 16),
+            Self::High => level(8, 128, [8000, 64], 1024, 0.02, 16),
+            Self::Reference => level(16, 256, [16000, 64], 4096, 0.0, 16),
         }
     }
 }

@@ -78,14 +78,21 @@ pub struct AtlasReport {
 pub struct LightReport {
     /// Shooters of the coarse solution.
     pub patches: u64,
-    /// Shots of the coarse solution.
+    /// Shots of the coarse solution: single patches to all that see them.
     pub shots: u64,
+    /// Sweeps of the coarse solution: each patch from all that it sees.
+    pub sweeps: u64,
+    /// Form factors that were kept; 0 where they were made again at every sweep.
+    pub form_factors: u64,
     /// Rays of all stages.
     pub rays: u64,
     /// Where the power went.
     pub ledger: EnergyReport,
-    /// Share of the reflected power that was not distributed, in `[0, 1]`: a bound of what stopping cost.
+    /// Share of the reflected power that was not distributed when the solver stopped.
     pub unshot_fraction: f64,
+    /// Bound on what stopping there cost: the radiosity that is missing, in W over all patches, is at most this share of
+    /// the reflected power. `None` where no bound is known.
+    pub unshot_error_bound: Option<f64>,
     /// Root mean square error of the lightmap as a share of its mean, where the stages can estimate it.
     pub estimated_error: Option<f64>,
 }

@@ -12,7 +12,7 @@ const COMMON: [&str; 5] = ["error", "units", "options", "progress", "sampling"];
 
 /// Which module may name which others, besides [`COMMON`]. A stage never names a later one. A file may have a row of
 /// its own, which then counts instead of its module's.
-const MAY_NAME: [(&str, &[&str]); 24] = [
+const MAY_NAME: [(&str, &[&str]); 26] = [
     ("error", &[]),
     ("units", &[]),
     ("options", &[]),
@@ -28,6 +28,8 @@ const MAY_NAME: [(&str, &[&str]); 24] = [
     ("solve", &["plan", "transport"]),
     ("solve/assemble.rs", &["plan", "transport", "elements"]),
     ("solve/coarse.rs", &["plan", "transport", "elements", "direct"]),
+    ("solve/facets.rs", &["plan", "transport", "elements"]),
+    ("solve/pairs.rs", &["plan", "transport", "elements"]),
     ("gather", &["scene", "plan", "atlas", "transport", "elements", "direct", "solve"]),
     ("resolve", &["scene", "plan", "atlas", "transport", "elements", "direct", "solve", "gather"]),
     ("export", &["scene", "import", "plan", "atlas", "elements", "resolve"]),

@@ -161,9 +161,12 @@ mod tests {
             light: LightReport {
                 patches: 4000,
                 shots: 321,
+                sweeps: 5,
+                form_factors: 100_000,
                 rays: 1_250_000,
                 ledger: EnergyReport::default(),
                 unshot_fraction: 5e-4,
+                unshot_error_bound: Some(1e-3),
                 estimated_error: Some(0.011),
             },
             effects: vec![Effect { name: "sky", on: false, reason: "no sky".to_owned() }],

@@ -1,17 +1,19 @@
 //! Patches cut finer where what they see changes.
 
-use super::{Elements, NO_PATCH, Patches};
+use super::{Elements, NO_PATCH, Patches, TexelRef};
 use crate::sampling::{cosine_hemisphere, frame, sobol4, to_world};
 use crate::transport::{Ray, Tracer, segment};
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Elements of a patch that look around.
-const VIEWERS: usize = 16;
+const VIEWERS: usize = 8;
 /// Rays each of them sends.
 const RAYS: u32 = 8;
-/// A patch is cut where the nearness of what its elements see differs by this factor.
-const CHANGE: f32 = 3.0;
+/// How far they look, in widths of the patch: what is further away changes little across it.
+const REACH_WIDTHS: f32 = 2.0;
+/// A patch is cut where one viewer has this many more of its rays blocked than another.
+const CHANGE: u32 = 2;
 /// Patches of fewer elements stay whole.
 const FEWEST: usize = 8;
 /// Each round cuts a patch into four.
@@ -27,114 +29,149 @@ const MOST: usize = 1 << 17;
 /// do not: behind furniture, under a table, along an edge; then parts flat ones along the walls that stand on them. One
 /// value for both sides would carry light where none gets to.
 /// Returns the patches and the number of rays that took.
-pub fn adapt<T: Tracer>(elements: &Elements, mut patches: Patches, tracer: &T) -> (Patches, u64) {
+pub fn adapt<T: Tracer>(elements: &Elements, patches: Patches, tracer: &T) -> (Patches, u64) {
     let directions: Vec<Vec3> = sobol4(RAYS, 0, 8).iter().map(|p| cosine_hemisphere(p[0], p[1])).collect();
     let mut rays = 0;
-    let mut fresh: Vec<bool> = vec![true; patches.len()];
-    for _ in 0..ROUNDS {
-        let uneven: Vec<bool> = (0..patches.len())
+    for rounds in (0..=ROUNDS).rev() {
+        let cut: Vec<(Vec<Vec<u32>>, u64)> = (0..patches.len() as u32)
             .into_par_iter()
             .map(|patch| {
-                fresh[patch] && is_uneven(elements, patches.elements_of(patch as u32), &directions, tracer)
+                let mut cutter = Cutter { elements, tracer, directions: &directions, rays: 0, parts: vec![] };
+                cutter.cut(patches.elements_of(patch).to_vec(), rounds);
+                (cutter.parts, cutter.rays)
             })
             .collect();
-        rays += fresh.iter().filter(|f| **f).count() as u64 * (VIEWERS as u64) * u64::from(RAYS);
-        let cuts = uneven.iter().filter(|u| **u).count();
-        if cuts == 0 || patches.len() + 3 * cuts > MOST {
-            break;
+        rays += cut.iter().map(|c| c.1).sum::<u64>();
+        let count: usize = cut.iter().map(|c| c.0.len()).sum();
+        if count <= MOST {
+            return (replaced(elements, &patches, cut.into_iter().map(|c| c.0)), rays);
         }
-        let parts: Vec<_> = (0..patches.len())
-            .map(|patch| uneven[patch].then(|| quarters(patches.elements_of(patch as u32))))
-            .collect();
-        (patches, fresh) = cut(elements, &patches, &parts);
     }
-    let among_others = |members: &[u32]| members.iter().any(|&e| elements.among_others[e as usize]);
-    let parts: Vec<_> = (0..patches.len())
-        .into_par_iter()
-        .map(|patch| {
-            let members = patches.elements_of(patch as u32);
-            if patches.normal_world[patch].length_squared() < FLAT || !among_others(members) {
-                return None;
+    (patches, rays)
+}
+
+/// Cuts one patch.
+struct Cutter<'a, T> {
+    elements: &'a Elements,
+    tracer: &'a T,
+    directions: &'a [Vec3],
+    rays: u64,
+    parts: Vec<Vec<u32>>,
+}
+
+impl<T: Tracer> Cutter<'_, T> {
+    fn cut(&mut self, members: Vec<u32>, rounds: u32) {
+        if rounds > 0 && self.is_uneven(&members) {
+            for quarter in quarters(self.elements, &members) {
+                self.cut(quarter, rounds - 1);
             }
-            Some(seen_parts(elements, members, tracer)).filter(|parts| parts.len() > 1)
-        })
-        .collect();
-    let asked =
-        (0..patches.len() as u32).map(|p| patches.elements_of(p)).filter(|members| among_others(members));
-    rays += asked.map(|members| members.len() as u64).sum::<u64>();
-    (cut(elements, &patches, &parts).0, rays)
-}
-
-fn is_uneven<T: Tracer>(elements: &Elements, members: &[u32], directions: &[Vec3], tracer: &T) -> bool {
-    if members.len() < FEWEST {
-        return false;
+        } else if self.may_be_parted(&members) {
+            self.part(members);
+        } else {
+            self.parts.push(members);
+        }
     }
-    let viewers = VIEWERS.min(members.len());
-    let (mut least, mut most) = (f32::INFINITY, 0.0_f32);
-    for k in 0..viewers {
-        let e = members[k * members.len() / viewers] as usize;
-        let normal = elements.normal_geometric[e];
-        let frame = frame(normal, elements.half_u_world[e]);
-        let origin = tracer.world().offset_origin(elements.triangle[e], elements.position_world[e], normal);
-        let nearness: f32 = directions
-            .iter()
-            .filter_map(|&d| tracer.closest(&Ray::unbounded(origin, to_world(&frame, d))))
-            .map(|hit| 1.0 / hit.t)
-            .sum();
-        least = least.min(nearness);
-        most = most.max(nearness);
+
+    fn may_be_parted(&self, members: &[u32]) -> bool {
+        members.iter().any(|&e| self.elements.among_others[e as usize]) && is_flat(self.elements, members)
     }
-    // What is further away than the patch is wide changes little across it, whatever the ratio.
-    let width = members.iter().map(|&e| elements.area[e as usize].0).sum::<f32>().sqrt();
-    most > CHANGE * least && most * width > directions.len() as f32 * 0.5
+
+    fn origin(&self, element: u32) -> Vec3 {
+        let e = element as usize;
+        let (position, normal) = (self.elements.position_world[e], self.elements.normal_geometric[e]);
+        self.tracer.world().offset_origin(self.elements.triangle[e], position, normal)
+    }
+
+    fn is_uneven(&mut self, members: &[u32]) -> bool {
+        if members.len() < FEWEST {
+            return false;
+        }
+        let elements = self.elements;
+        let width = members.iter().map(|&e| elements.area[e as usize].0).sum::<f32>().sqrt();
+        let (mut least, mut most) = (RAYS, 0);
+        for k in 0..VIEWERS {
+            let e = members[(2 * k + 1) * members.len() / (2 * VIEWERS)];
+            let frame = frame(elements.normal_geometric[e as usize], elements.half_u_world[e as usize]);
+            let origin = self.origin(e);
+            let blocked = |&&local: &&Vec3| {
+                let direction = to_world(&frame, local);
+                self.tracer.occluded(&Ray { origin, direction, t_max: REACH_WIDTHS * width })
+            };
+            let blocked = self.directions.iter().filter(blocked).count() as u32;
+            self.rays += u64::from(RAYS);
+            (least, most) = (least.min(blocked), most.max(blocked));
+            if most >= least + CHANGE {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Parts of a flat patch whose members see the part's middle: a wall that stands on a patch parts it.
+    fn part(&mut self, members: Vec<u32>) {
+        let mut left = members;
+        for _ in 1..MOST_PARTS {
+            let Some(&middle) = left.get(left.len() / 2) else { return };
+            let from = self.origin(middle);
+            self.rays += left.len() as u64;
+            let (seen, hidden) =
+                left.iter().partition(|&&e| !self.tracer.occluded(&segment(from, self.origin(e))));
+            self.parts.push(seen);
+            left = hidden;
+        }
+        self.parts.extend((!left.is_empty()).then_some(left));
+    }
 }
 
-/// Members stand along a Z-order curve: quarters of the list are quarters of the square.
-fn quarters(members: &[u32]) -> Vec<Vec<u32>> {
-    (0..4).map(|k| members[k * members.len() / 4..(k + 1) * members.len() / 4].to_vec()).collect()
+fn is_flat(elements: &Elements, members: &[u32]) -> bool {
+    let mut sum = (Vec3::ZERO, 0.0);
+    for &e in members {
+        let area = elements.area[e as usize].0;
+        sum = (sum.0 + elements.normal_geometric[e as usize] * area, sum.1 + area);
+    }
+    sum.0.length_squared() >= FLAT * sum.1 * sum.1
 }
 
-/// Parts of a flat patch whose members see the part's middle: a wall that stands on a patch parts it.
-fn seen_parts<T: Tracer>(elements: &Elements, members: &[u32], tracer: &T) -> Vec<Vec<u32>> {
-    let origin = |e: u32| {
-        let e = e as usize;
-        let (position, normal) = (elements.position_world[e], elements.normal_geometric[e]);
-        tracer.world().offset_origin(elements.triangle[e], position, normal)
+/// The quarters of the texel rectangle around elements of one chart, those that are not empty; else of the list.
+fn quarters(elements: &Elements, members: &[u32]) -> Vec<Vec<u32>> {
+    let chart = |e: u32| elements.chart[e as usize];
+    if members.iter().any(|&e| chart(e) != chart(members[0])) {
+        let at = |k: usize| k * members.len() / 4;
+        return (0..4).map(|k| members[at(k)..at(k + 1)].to_vec()).collect();
+    }
+    let texel = |e: &u32| elements.texel[*e as usize];
+    let middle = |of: fn(TexelRef) -> u16| {
+        let places = members.iter().map(|e| of(texel(e)));
+        let (low, high) = places.fold((u16::MAX, 0), |(low, high), at| (low.min(at), high.max(at)));
+        low + (high - low).div_ceil(2)
     };
-    let mut left = members.to_vec();
-    let mut parts = Vec::new();
-    while parts.len() + 1 < MOST_PARTS && !left.is_empty() {
-        let from = origin(left[left.len() / 2]);
-        let (seen, hidden) = left.iter().partition(|&&e| !tracer.occluded(&segment(from, origin(e))));
-        parts.push(seen);
-        left = hidden;
+    let (x, y) = (middle(|texel| texel.x), middle(|texel| texel.y));
+    let mut quarters = vec![Vec::with_capacity(members.len() / 4 + 1); 4];
+    for &e in members {
+        quarters[usize::from(texel(&e).x >= x) + 2 * usize::from(texel(&e).y >= y)].push(e);
     }
-    parts.extend((!left.is_empty()).then_some(left));
-    parts
+    quarters.retain(|quarter| !quarter.is_empty());
+    quarters
 }
 
-/// Replaces every patch by its parts; tells which are new.
-fn cut(elements: &Elements, patches: &Patches, parts: &[Option<Vec<Vec<u32>>>]) -> (Patches, Vec<bool>) {
+/// Puts the parts of every patch in its place.
+fn replaced(elements: &Elements, patches: &Patches, parts: impl Iterator<Item = Vec<Vec<u32>>>) -> Patches {
     let mut next = Patches {
         patch_of_element: vec![NO_PATCH; elements.len()],
         elements: Vec::with_capacity(patches.elements.len()),
         first: vec![0],
         ..Patches::default()
     };
-    let mut fresh = Vec::new();
     let mut first_part = Vec::with_capacity(patches.len());
-    for (patch, parts) in (0..).zip(parts) {
+    for parts in parts {
         first_part.push(next.len() as u32);
-        match parts {
-            Some(parts) => parts.iter().for_each(|part| next.push(elements, part.iter().copied())),
-            None => next.push(elements, patches.elements_of(patch).iter().copied()),
-        }
-        fresh.resize(next.len(), parts.is_some());
+        parts.into_iter().for_each(|part| next.push(elements, part));
     }
-    for (e, old) in patches.patch_of_element.iter().enumerate() {
-        if next.patch_of_element[e] == NO_PATCH && *old != NO_PATCH {
-            next.patch_of_element[e] = first_part[*old as usize];
+    // Buried elements stay with the first part of their patch.
+    for (part, &patch) in next.patch_of_element.iter_mut().zip(&patches.patch_of_element) {
+        if *part == NO_PATCH && patch != NO_PATCH {
+            *part = first_part[patch as usize];
         }
     }
-    (next, fresh)
+    next
 }

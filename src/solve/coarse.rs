@@ -1,13 +1,14 @@
-//! Elements and patches -> the coarse solution: rows by rays, then shooting.
+//! Elements and patches -> the coarse solution: form factors, then shooting or the matrix.
 
-use super::{Ledger, Problem, Rows};
+use super::assemble::Assembler;
+use super::{Ledger, Made, Problem, RowSource, Rows, budget};
 use crate::direct::{Direct, Faint};
 use crate::elements::{Elements, Lookup, Patches};
 use crate::error::Result;
 use crate::options::SolveOptions;
 use crate::progress::Progress;
-use crate::transport::form_factors::{Landings, Row, SurfacePoint, rays::ray_row};
-use crate::transport::{Ray, Tracer};
+use crate::transport::Tracer;
+use crate::transport::form_factors::Row;
 use crate::units::{Irradiance, Radiance};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -25,96 +26,104 @@ pub struct Surfaces<'a, T> {
     pub tracer: &'a T,
 }
 
+/// What shines on the patches from outside the coarse solution.
+pub struct Sources<'a, S> {
+    /// Light of bright emitters, by element.
+    pub direct: &'a Direct,
+    /// The sum of faint emitters.
+    pub faint: Option<&'a Faint<'a>>,
+    /// Radiance from a direction, W/(m² sr).
+    pub sky: S,
+}
+
 /// The coarse solution.
 pub struct Coarse {
     /// Irradiance of each patch that no bright emitter sent straight: sky, faint emitters, other patches.
     pub irradiance: Vec<Irradiance>,
     /// Rays sent.
     pub rays: u64,
+    /// Form factors that are not zero, as far as they were kept; 0 where rows were made again at every sweep.
+    pub form_factors: u64,
     /// Shots made.
     pub shots: u64,
+    /// Sweeps over all patches.
+    pub sweeps: u64,
     /// Share of the reflected power that was not distributed.
     pub unshot_fraction: f64,
+    /// Bound on Σ A |b* − b| of what stopping there leaves out, as a share of the power that was to be distributed;
+    /// see [`super::Solution::error_bound`].
+    pub error_bound: f64,
     /// Where the power went.
     pub ledger: Ledger,
 }
 
-/// Solves for the light that was reflected at least once.
-pub fn coarse<T: Tracer>(
+/// Solves for the light that was reflected at least once. Form factors and what the solver makes of them may take
+/// `memory_bytes`: beyond that the matrix solver fails with [`Error::TooLarge`], and the progressive solver forgets
+/// its rows and makes them again at every sweep.
+///
+/// [`Error::TooLarge`]: crate::Error::TooLarge
+pub fn coarse<T: Tracer, S: Fn(Vec3) -> Radiance + Sync>(
     surfaces: &Surfaces<T>,
-    direct: &Direct,
-    faint: Option<&Faint>,
-    sky: &(impl Fn(Vec3) -> Radiance + Sync),
+    sources: &Sources<S>,
     options: &SolveOptions,
     memory_bytes: u64,
     progress: &mut Progress,
 ) -> Result<Coarse> {
-    let patches = surfaces.patches;
-    progress.restart(2 * patches.len() as u64);
-    let ray_count = options.rays_per_patch.next_power_of_two();
-    let rows = Rows::collect(&super::rows::Made::new(patches.len(), |patch, row: &mut Row| {
+    let patches = surfaces.patches.len();
+    progress.restart(2 * patches as u64);
+    let assembler = Assembler::new(surfaces, &sources.sky, options);
+    let keep = budget::keep_rows(&assembler, options, memory_bytes)?;
+    let (faint, faint_rays) = faint_irradiance(surfaces, sources.faint, progress);
+    let outside = |beyond: &[[f32; 3]]| -> Vec<Irradiance> {
+        let sky = beyond.iter().map(|beyond| Irradiance(Vec3::from_array(*beyond) * PI));
+        sky.zip(&faint).map(|(sky, faint)| sky + *faint).collect()
+    };
+    // A cancelled run leaves the rest of the rows empty.
+    let watched = Made::new(patches, |patch, row: &mut Row| {
         row.clear();
         if !progress.cancelled() {
-            sample_row(surfaces, patch as u32, ray_count, sky, row);
+            assembler.row(patch, row);
             progress.advance(1);
         }
-    }))?;
-    let (faint, faint_rays) = faint_irradiance(surfaces, faint, progress);
-    let outside: Vec<Irradiance> = rows
-        .beyond()
-        .iter()
-        .zip(&faint)
-        .map(|(beyond, faint)| Irradiance(Vec3::from_array(*beyond) * PI) + *faint)
-        .collect();
-    let problem = problem(surfaces, direct, &outside, rows)?;
-
-    let solution = super::solve(&problem, options, memory_bytes, progress)?;
+    });
+    let (solution, outside, form_factors) = if keep {
+        let rows = Rows::collect(&watched)?;
+        let (outside, form_factors) = (outside(rows.beyond()), rows.entries() as u64);
+        let problem = problem(surfaces, sources.direct, &outside, rows)?;
+        (super::solve(&problem, options, memory_bytes, progress)?, outside, form_factors)
+    } else {
+        let outside = outside(&beyond(&watched));
+        let problem = problem(surfaces, sources.direct, &outside, watched)?;
+        (super::solve_remaking(&problem, options, progress), outside, 0)
+    };
     let irradiance = solution
         .received
         .iter()
         .zip(&outside)
         .map(|(reflected, outside)| Irradiance(reflected.max(DVec3::ZERO).as_vec3()) + *outside);
+    let emitted = solution.ledger.emitted.element_sum();
+    let error_bound = solution.error_bound.element_sum();
     Ok(Coarse {
         irradiance: irradiance.collect(),
-        rays: patches.len() as u64 * u64::from(ray_count) + faint_rays,
+        rays: assembler.rays() + faint_rays,
+        form_factors,
         shots: solution.shots,
+        sweeps: solution.sweeps,
         unshot_fraction: solution.unshot_fraction,
+        error_bound: if emitted > 0.0 { error_bound / emitted } else { 0.0 },
         ledger: solution.ledger,
     })
 }
 
-/// The form factors of one patch: where its rays land. What they bring from the sky is kept with the row.
-fn sample_row<T: Tracer>(
-    surfaces: &Surfaces<T>,
-    patch: u32,
-    rays: u32,
-    sky: &impl Fn(Vec3) -> Radiance,
-    row: &mut Row,
-) {
-    let Surfaces { elements, lookup, patches, tracer } = surfaces;
-    let members = patches.elements_of(patch);
-    let point = |[u, _]: [f32; 2]| {
-        let e = members[((u * members.len() as f32) as usize).min(members.len() - 1)] as usize;
-        let (position, normal) = (elements.position_world[e], elements.normal_geometric[e]);
-        SurfacePoint {
-            position_world: tracer.world().offset_origin(elements.triangle[e], position, normal),
-            normal,
-        }
-    };
-    let land = |ray: &Ray, landings: &mut Landings| {
-        let left = tracer.walk(ray, |hit, share| {
-            if let Some(patch) = lookup.element_at(hit).map(|e| patches.patch_of_element[e as usize])
-                && (patch as usize) < patches.len()
-            {
-                landings.hit(patch, share.element_sum() / 3.0);
-            }
-        });
-        if left != Vec3::ZERO {
-            let share = left.element_sum() / 3.0;
-            landings.miss(share, (left / share * sky(ray.direction).0).to_array());
-        }
-    };
-    ray_row(patch, rays, point, land, &mut Landings::default(), row);
+/// What rows bring from beyond the scene, and nothing else of them.
+fn beyond(source: &impl RowSource) -> Vec<[f32; 3]> {
+    (0..source.len())
+        .into_par_iter()
+        .map_init(Row::default, |row, patch| {
+            source.row(patch, row);
+            row.beyond.map(|radiance| radiance as f32)
+        })
+        .collect()
 }
 
 /// Faint emitters, asked at the middle element of each patch.
@@ -140,12 +149,12 @@ fn faint_irradiance<T: Tracer>(
 
 /// Power that a patch reflects of what arrives from outside the coarse solution, element by element, so that no
 /// energy is lost between the fine and the coarse: s = Σ Aρ(E_direct + E_outside) / A.
-fn problem<T>(
+fn problem<T, R: RowSource>(
     surfaces: &Surfaces<T>,
     direct: &Direct,
     outside: &[Irradiance],
-    rows: Rows,
-) -> Result<Problem> {
+    rows: R,
+) -> Result<Problem<R>> {
     let Surfaces { elements, patches, .. } = surfaces;
     let reflectance: Vec<_> = patches.reflectance.iter().map(|r| r.0.as_dvec3()).collect();
     let source = (0..patches.len() as u32)

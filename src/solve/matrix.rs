@@ -75,15 +75,7 @@ pub fn solve<R: RowSource>(
     let patches = problem.len();
     let wanted = predicted_bytes(patches, problem.rows().entries(), options.relaxation);
     if wanted > options.memory_bytes {
-        return Err(Error::TooLarge {
-            at: "matrix solver".into(),
-            what: format!(
-                "the form factors of {patches} patches want {:.1} MiB, and {:.1} MiB are allowed; allow more memory, \
-                 ask for fewer patches, or use the progressive solver",
-                wanted as f64 / f64::from(1 << 20),
-                options.memory_bytes as f64 / f64::from(1 << 20)
-            ),
-        });
+        return Err(too_large(patches, wanted, options.memory_bytes));
     }
     if let Relaxation::Sor(omega) = options.relaxation
         && !(omega > 0.0 && omega < 2.0)
@@ -120,6 +112,23 @@ pub fn solve<R: RowSource>(
             Relaxation::ConjugateGradient => conjugate.step(problem, &matrix, &mut radiosity, &residual),
         }
         sweeps += 1;
+    }
+}
+
+/// The refusal of a matrix.
+pub(super) fn too_large(patches: usize, wanted_bytes: u64, memory_bytes: u64) -> Error {
+    let human = |bytes: u64| match bytes as f64 / f64::from(1 << 20) {
+        mib if mib < 1024.0 => format!("{mib:.1} MiB"),
+        mib => format!("{:.1} GiB", mib / 1024.0),
+    };
+    Error::TooLarge {
+        at: "matrix solver".into(),
+        what: format!(
+            "the form factors of {patches} patches want {} and may have {}; raise --memory, ask for fewer patches by a \
+             lower --quality, or use --solver progressive, which does with less",
+            human(wanted_bytes),
+            human(memory_bytes)
+        ),
     }
 }
 

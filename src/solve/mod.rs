@@ -14,9 +14,13 @@ pub mod problem;
 pub mod progressive;
 pub mod rows;
 
+mod assemble;
 mod balance;
 mod bound;
+mod budget;
 mod components;
+mod facets;
+mod pairs;
 mod queue;
 mod sweep;
 mod transfer;
@@ -63,6 +67,16 @@ pub fn solve(
     }
 }
 
+/// The same where rows are not kept but made again at every sweep: O(n) memory. Shots by reciprocity would be noisy
+/// ([`Progressive::remaking`]), so it is sweeps alone, which gather.
+pub fn solve_remaking<R: RowSource>(
+    problem: &Problem<R>,
+    options: &SolveOptions,
+    progress: &Progress,
+) -> Solution {
+    sweeps(Progressive::remaking(problem), options, progress)
+}
+
 fn matrix_options(options: &SolveOptions, memory_bytes: u64) -> MatrixOptions {
     let relaxation = match options.relaxation {
         options::Relaxation::GaussSeidel => Relaxation::GaussSeidel,
@@ -87,13 +101,21 @@ fn progressive<T: Transfer + Sync>(
             return solver.solution();
         }
     }
+    sweeps(solver, options, progress)
+}
+
+fn sweeps<T: Transfer + Sync>(
+    mut solver: Progressive<T>,
+    options: &SolveOptions,
+    progress: &Progress,
+) -> Solution {
     for _ in 0..MAX_SWEEPS {
         if progress.cancelled() {
             break;
         }
         let report = solver.sweep();
         progress.unshot(report.unshot_fraction);
-        if done(&report) {
+        if report.unshot_fraction <= options.tolerance {
             break;
         }
     }

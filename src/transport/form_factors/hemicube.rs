@@ -44,6 +44,16 @@ impl Hemicube {
         Self { pixels }
     }
 
+    /// Number of pixels.
+    pub fn len(&self) -> usize {
+        self.pixels.len()
+    }
+
+    /// Never: there are twelve pixels at least.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
     /// Fills `row` with the form factors of a patch, from a cube over each of `points`, which stand for equal areas
     /// of it. `land` as in [`super::rays::ray_row`].
     ///

@@ -58,6 +58,11 @@ pub struct Landings {
 }
 
 impl Landings {
+    /// Room for as many rays.
+    pub fn for_rays(rays: u32) -> Self {
+        Self { hits: Vec::with_capacity(rays as usize), ..Self::default() }
+    }
+
     /// `share` of the current ray arrives at the lit side of `patch`. Shares of a ray add up to 1 at most; what is
     /// told to nobody counts as lost.
     pub fn hit(&mut self, patch: u32, share: f32) {

@@ -10,10 +10,64 @@ use super::{Landings, Row, SurfacePoint, sobol, tangents};
 use crate::transport::Ray;
 use glam::Vec3;
 
-/// Fills `row` with the form factors of `patch`, from `rays` rays (rounded up to a power of two, 65,536 at most).
-///
-/// `sample` gives the point of the patch that belongs to two coordinates in `[0, 1)²`, uniform by area. `land` follows
-/// a ray and tells [`Landings`] where its light goes. `landings` is scratch space.
+/// The rays of a row, before the patch's own scrambling.
+#[derive(Clone, Debug)]
+pub struct RaySet {
+    /// Digits of the points, in an order that keeps similar directions together, whatever the scrambling.
+    points: Vec<[u32; 4]>,
+}
+
+impl RaySet {
+    /// `rays` rays a row, rounded up to a power of two, 65,536 at most.
+    pub fn new(rays: u32) -> Self {
+        let count = rays.clamp(1, 1 << 16).next_power_of_two();
+        let mut points: Vec<_> = (0..count).map(sobol::mirrored).collect();
+        // Scrambling moves whole boxes of the first two dimensions: what shares one stays together.
+        points.sort_by_cached_key(|point| {
+            (0..16).fold(0u32, |code, k| code << 2 | (point[0] >> k & 1) << 1 | point[1] >> k & 1)
+        });
+        Self { points }
+    }
+
+    /// Number of rays of a row.
+    pub fn len(&self) -> u32 {
+        self.points.len() as u32
+    }
+
+    /// Never: there is one ray at least.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+
+    /// Fills `row` with the form factors of `patch`.
+    ///
+    /// `sample` gives the point of the patch that belongs to two coordinates in `[0, 1)²`, uniform by area. `land`
+    /// follows a ray and tells [`Landings`] where its light goes. `landings` is scratch space.
+    pub fn row(
+        &self,
+        patch: u32,
+        sample: impl Fn([f32; 2]) -> SurfacePoint,
+        land: impl Fn(&Ray, &mut Landings),
+        landings: &mut Landings,
+        row: &mut Row,
+    ) {
+        let scramble = sobol::Scramble::new(sobol::hash(patch ^ 0x9e37_79b9));
+        landings.clear();
+        landings.ray = 1.0 / self.points.len() as f64;
+        for point in &self.points {
+            // The first pair of dimensions is the best stratified: it goes where the integrand varies most.
+            let at = |dimension| scramble.coordinate(point, dimension);
+            let place = sample([at(2), at(3)]);
+            let local = cosine_direction(at(0), at(1));
+            let (right, up) = tangents(place.normal);
+            let direction = (right * local.x + up * local.y + place.normal * local.z).normalize();
+            land(&Ray { origin: place.position_world, direction, t_max: f32::INFINITY }, landings);
+        }
+        landings.write(row);
+    }
+}
+
+/// One row from `rays` rays; see [`RaySet::row`], which is for many.
 pub fn ray_row(
     patch: u32,
     rays: u32,
@@ -22,20 +76,7 @@ pub fn ray_row(
     landings: &mut Landings,
     row: &mut Row,
 ) {
-    let count = rays.clamp(1, 1 << 16).next_power_of_two();
-    let seed = sobol::hash(patch ^ 0x9e37_79b9);
-    landings.clear();
-    landings.ray = 1.0 / f64::from(count);
-    for index in 0..count {
-        let [u, v, x, y] = sobol::point(index, seed);
-        // The first pair of dimensions is the best stratified: it goes where the integrand varies most.
-        let point = sample([x, y]);
-        let (right, up) = tangents(point.normal);
-        let local = cosine_direction(u, v);
-        let direction = (right * local.x + up * local.y + point.normal * local.z).normalize();
-        land(&Ray { origin: point.position_world, direction, t_max: f32::INFINITY }, landings);
-    }
-    landings.write(row);
+    RaySet::new(rays).row(patch, sample, land, landings, row);
 }
 
 /// Unit vector about +z, with a density in proportion to its z (concentric map of Shirley & Chiu 1997, lifted).

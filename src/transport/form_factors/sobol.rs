@@ -41,27 +41,37 @@ const fn directions() -> [[u32; BITS]; 4] {
     all
 }
 
-/// Point `index` of the set that belongs to `seed`, each coordinate in `[0, 1)`.
-pub(super) fn point(index: u32, seed: u32) -> [f32; 4] {
+/// The binary digits of point `index` before scrambling, mirrored: the first digit after the point is the lowest bit.
+pub(super) fn mirrored(index: u32) -> [u32; 4] {
     std::array::from_fn(|dimension| {
-        let mut bits = 0;
-        let mut rest = index;
-        for direction in DIRECTIONS[dimension] {
-            if rest == 0 {
-                break;
-            }
-            bits ^= (rest & 1) * direction;
-            rest >>= 1;
-        }
-        let scrambled = owen_scrambled(bits, hash(seed ^ hash(dimension as u32 + 1)));
-        // 24 bits: all that f32 holds without rounding up to 1.
-        (scrambled >> 8) as f32 * (1.0 / (1 << 24) as f32)
+        let digits = DIRECTIONS[dimension].iter().enumerate();
+        digits.fold(0, |bits, (k, digit)| bits ^ (digit * (index >> k & 1))).reverse_bits()
     })
 }
 
-/// Flips every digit by a hash of those before it (Laine & Karras 2011, constants by Vegdahl 2021).
-fn owen_scrambled(bits: u32, seed: u32) -> u32 {
-    let mut x = bits.reverse_bits();
+/// One scrambling of the points: the same for all points of a set.
+pub(super) struct Scramble([u32; 4]);
+
+impl Scramble {
+    /// The scrambling that belongs to `seed`.
+    pub fn new(seed: u32) -> Self {
+        Self(std::array::from_fn(|dimension| hash(seed ^ hash(dimension as u32 + 1))))
+    }
+
+    /// The coordinate in `[0, 1)` of a point from [`mirrored`], along one of the four dimensions.
+    #[inline]
+    pub fn coordinate(&self, mirrored: &[u32; 4], dimension: usize) -> f32 {
+        let scrambled = owen_scrambled(mirrored[dimension], self.0[dimension]);
+        // 24 bits: all that f32 holds without rounding up to 1.
+        (scrambled >> 8) as f32 * (1.0 / (1 << 24) as f32)
+    }
+}
+
+/// Flips every digit by a hash of those before it (Laine & Karras 2011, constants by Vegdahl 2021). Digits come
+/// mirrored.
+#[inline]
+fn owen_scrambled(mirrored: u32, seed: u32) -> u32 {
+    let mut x = mirrored;
     x ^= x.wrapping_mul(0x3d20_adea);
     x = x.wrapping_add(seed);
     x = x.wrapping_mul((seed >> 16) | 1);
@@ -82,6 +92,11 @@ pub(super) fn hash(mut x: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn point(index: u32, seed: u32) -> [f32; 4] {
+        let (digits, scramble) = (mirrored(index), Scramble::new(seed));
+        std::array::from_fn(|dimension| scramble.coordinate(&digits, dimension))
+    }
 
     /// Exactly one of 2^k points in each of 2^k equal strips, in every dimension, whatever the seed.
     #[test]
