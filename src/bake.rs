@@ -6,7 +6,7 @@ use crate::elements::{self, Elements, Lookup};
 use crate::error::{Error, Result, Warning};
 use crate::export::{self, Metadata};
 use crate::gather::{self, Bright, Surroundings};
-use crate::options::{BakeOptions, LightPart, Store};
+use crate::options::{BakeOptions, ImportOptions, LightPart, RenderOptions, Store};
 use crate::plan::{self, Plan};
 use crate::progress::{Observer, Progress, Silent, Stage};
 use crate::report::{self, AtlasReport, EnergyReport, LightReport, Report, StageReport};
@@ -14,7 +14,7 @@ use crate::scene::Scene;
 use crate::solve::coarse::{Sources, Surfaces, coarse};
 use crate::transport::{Hit, Tracer, World};
 use crate::units::{Irradiance, Radiosity};
-use crate::{import, memory, resolve, with_tracer};
+use crate::{baked, import, memory, render, resolve, with_tracer};
 use std::f32::consts::PI;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -128,7 +128,7 @@ pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
         let written = log.stage(Stage::Export, 1, |_| {
             let metadata = metadata(options, &scene, &lit);
             let radiance = radiance.as_ref();
-            let written = export::write(
+            let mut written = export::write(
                 &document,
                 &scene,
                 &lit.atlas,
@@ -137,6 +137,10 @@ pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
                 &metadata,
                 &options.export,
             )?;
+            if let Some(path) = &options.export.picture {
+                written.warnings.extend(take_picture(path, &output, &options.import)?);
+                written.files.push(path.clone());
+            }
             Ok((written, 0))
         })?;
         let warnings = [scene.warnings.clone(), lit.warnings.clone(), written.warnings].concat();
@@ -160,6 +164,16 @@ pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
             warnings: report::sorted(warnings),
         })
     })?
+}
+
+/// A picture of what was just written, as `lightkiln render` would take it; a warning where there is nothing to see.
+fn take_picture(path: &Path, output: &Path, import: &ImportOptions) -> Result<Option<Warning>> {
+    let seen =
+        baked::read(output, import).and_then(|baked| render::picture(&baked, &RenderOptions::default()));
+    match seen {
+        Ok(picture) => export::write_png(path, picture.size, &picture.rgb).map(|()| None),
+        Err(error) => Ok(Some(Warning::new(path.display().to_string(), format!("no picture: {error}")))),
+    }
 }
 
 fn metadata(options: &BakeOptions, scene: &Scene, lit: &Lit) -> Metadata {
@@ -309,8 +323,8 @@ impl<'a> Log<'a> {
     }
 }
 
-/// Runs on as many threads as wanted.
-fn in_pool<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send) -> Result<R> {
+/// Runs `work` with as many worker threads as wanted; all cores when absent.
+pub fn in_pool<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send) -> Result<R> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
     let pool = pool.map_err(|e| Error::io("threads", std::io::Error::other(e)))?;
     Ok(pool.install(work))

@@ -3,6 +3,8 @@
 //! The modules stand in the order the data flows:
 //! import → plan → atlas → transport → elements → direct → solve → gather → resolve → export.
 //!
+//! A baked file is read back (baked) to be looked at (render) or examined (check).
+//!
 //! *texel*: pixel of an atlas page. *element*: lit texel footprint on a surface, the receiver; it has position,
 //! normal, area, reflectance. *patch*: group of elements that shoots and receives interreflected light in the coarse
 //! solution. *chart*: connected piece of unwrapped surface. *page*: one square atlas image, one EXR. *shot*: one
@@ -31,6 +33,9 @@ pub mod solve;
 pub mod gather;
 pub mod resolve;
 pub mod export;
+
+pub mod baked;
+pub mod render;
 
 pub mod bake;
 mod memory;

@@ -15,5 +15,6 @@ fn main() -> ExitCode {
     };
     match cli.command {
         Command::Bake(args) => cli::failure::guarded(args.run.verbose, || cli::bake::run(&args)),
+        Command::Render(args) => cli::failure::guarded(false, || cli::render::run(&args)),
     }
 }

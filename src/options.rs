@@ -280,4 +280,62 @@ pub struct ExportOptions {
     pub full_float: bool,
     /// A second file that stock viewers show lit.
     pub preview: Option<PathBuf>,
+    /// A picture of the baked scene, a PNG.
+    pub picture: Option<PathBuf>,
+}
+
+/// Where a picture is taken from.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum View {
+    /// The file's first camera; from outside where it has none.
+    #[default]
+    First,
+    /// The camera of this name.
+    Camera(String),
+    /// From outside and above, so far away that all of the scene is seen.
+    Orbit {
+        /// Way around the scene, degrees from +z towards +x.
+        azimuth_deg: f32,
+    },
+}
+
+impl View {
+    /// Where a look from outside is from when nobody says.
+    pub const AZIMUTH_DEG: f32 = 35.0;
+}
+
+/// How bright a picture is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Exposure {
+    /// The middle of what is seen becomes a middle grey.
+    #[default]
+    Auto,
+    /// Radiances are multiplied by 2 to this power.
+    Ev(f32),
+}
+
+/// How radiance becomes a colour of the screen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Tone {
+    /// A curve like film's: highlights roll off.
+    #[default]
+    Filmic,
+    /// As it is, cut at white.
+    Clip,
+}
+
+/// A picture of a baked file.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct RenderOptions {
+    /// Where it is taken from.
+    pub view: View,
+    /// Width and height, pixels; 720 high and as wide as the camera says when absent.
+    pub size: Option<[u32; 2]>,
+    /// How bright it is.
+    pub exposure: Exposure,
+    /// How radiance becomes colour.
+    pub tone: Tone,
 }

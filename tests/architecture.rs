@@ -12,7 +12,7 @@ const COMMON: [&str; 5] = ["error", "units", "options", "progress", "sampling"];
 
 /// Which module may name which others, besides [`COMMON`]. A stage never names a later one. A file may have a row of
 /// its own, which then counts instead of its module's.
-const MAY_NAME: [(&str, &[&str]); 26] = [
+const MAY_NAME: [(&str, &[&str]); 29] = [
     ("error", &[]),
     ("units", &[]),
     ("options", &[]),
@@ -33,6 +33,9 @@ const MAY_NAME: [(&str, &[&str]); 26] = [
     ("gather", &["scene", "plan", "atlas", "transport", "elements", "direct", "solve"]),
     ("resolve", &["scene", "plan", "atlas", "transport", "elements", "direct", "solve", "gather"]),
     ("export", &["scene", "import", "plan", "atlas", "elements", "resolve"]),
+    ("baked", &["scene", "import", "export"]),
+    ("render", &["scene", "import", "transport", "export", "baked"]),
+    ("check", &["scene", "import", "transport", "export", "baked", "render"]),
     ("memory", &["scene", "plan", "atlas"]),
     ("report", &["plan"]),
     ("bake", &[STAGES, "report"]),

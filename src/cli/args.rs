@@ -1,5 +1,6 @@
 //! What can be typed. Every default is read from the library.
 
+use super::render::RenderArgs;
 use super::values::{self, Pick, Sky};
 use clap::{Args, Parser, Subcommand};
 use lightkiln::options::{
@@ -14,7 +15,8 @@ Examples:
   lightkiln bake room.glb -o out/lit.glb --quality high  choose the file and the effort
   lightkiln bake house.glb --sky 0.35,0.55,1.0           a blue sky around the scene
   lightkiln bake house.glb --sky noon.hdr,0.5            an image of a sky at half strength
-  lightkiln bake room.glb --preview lit.glb              also a file that stock Blender shows lit";
+  lightkiln bake room.glb --preview lit.glb              also a file that stock Blender shows lit
+  lightkiln render room.baked.glb -o room.png            a picture of the result";
 
 const EXIT_CODES: &str = "\
 Ctrl-C stops the bake and writes the solution so far; a second Ctrl-C quits at once.
@@ -34,6 +36,8 @@ pub struct Cli {
 pub enum Command {
     /// Bake the light of a scene into lightmaps
     Bake(Box<BakeArgs>),
+    /// Take a picture of a baked file
+    Render(RenderArgs),
 }
 
 /// The arguments of `bake`, as typed.
@@ -84,6 +88,10 @@ pub struct OutputArgs {
     /// A second file that stock Blender shows lit
     #[arg(long, value_name = "FILE")]
     pub preview: Option<PathBuf>,
+
+    /// A picture of the result, a .png; see `lightkiln render`
+    #[arg(long, value_name = "FILE")]
+    pub picture: Option<PathBuf>,
 
     /// What the bake did, as JSON; - is standard output
     #[arg(long, value_name = "FILE")]

@@ -76,6 +76,7 @@ impl Job {
                 embed: output.embed,
                 full_float: output.float,
                 preview: output.preview.clone(),
+                picture: output.picture.clone(),
             },
         };
         let verbosity = match (run.quiet, run.verbose) {
@@ -107,7 +108,8 @@ impl Job {
         }
         let Some(ReportTo::File(report)) = &self.report else { return Ok(()) };
         let export = &self.options.export;
-        let others = [Some(&self.input), export.output.as_ref(), export.preview.as_ref()];
+        let others =
+            [Some(&self.input), export.output.as_ref(), export.preview.as_ref(), export.picture.as_ref()];
         if others.into_iter().flatten().any(|other| resolved(other) == resolved(report)) {
             let report = report.display();
             return Err(Refusal::Misuse(format!(
@@ -179,7 +181,7 @@ mod tests {
 
     fn job(arguments: &[&str]) -> Job {
         let typed = ["lightkiln", "bake", "room.glb"].iter().chain(arguments);
-        let Command::Bake(args) = Cli::try_parse_from(typed).unwrap().command;
+        let Command::Bake(args) = Cli::try_parse_from(typed).unwrap().command else { panic!("not a bake") };
         Job::new(&args)
     }
 
@@ -192,7 +194,7 @@ mod tests {
 
     #[test]
     fn what_is_typed_arrives() {
-        let typed = "-o a.glb --preview b.glb --report c.json --store radiosity --light indirect --lamps tag --embed \
+        let typed = "-o a.glb --preview b.glb --picture d.png --report c.json --store radiosity --light indirect --lamps tag --embed \
                      --float --density 2.5 --page-size 64 --max-pages 3 --scene attic --sky 1,2,3,2 --sun-angle 0.5 \
                      --lamp-units gltf --allow-outside --threads 3 --memory 2GiB --quality high -v \
                      --solver matrix --relaxation sor --form-factors hemicube";
@@ -201,6 +203,7 @@ mod tests {
         let BakeOptions { import, atlas, light, export } = options;
         assert_eq!(export.output, Some("a.glb".into()));
         assert_eq!(export.preview, Some("b.glb".into()));
+        assert_eq!(export.picture, Some("d.png".into()));
         assert!(matches!(report, Some(ReportTo::File(path)) if path == Path::new("c.json")));
         assert_eq!(
             (export.store, export.light, export.lamps),

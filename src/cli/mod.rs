@@ -1,7 +1,7 @@
 //! The command line: fills options, prints reports, sets exit codes.
 //!
 //! What was typed ([`args`], with the parsers of single values in [`values`]) becomes what it means ([`job`]), which a
-//! command runs ([`bake`]). Everything for the eye goes to standard error; standard output carries only what was
+//! command runs ([`bake`], [`render`]). Everything for the eye goes to standard error; standard output carries only what was
 //! asked to go there (`--report -`, help), so it can be piped.
 
 pub mod args;
@@ -12,6 +12,7 @@ mod interrupt;
 mod job;
 mod memory;
 mod progress;
+pub mod render;
 mod summary;
 mod text;
 mod values;

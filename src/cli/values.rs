@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use clap::builder::{PossibleValue, RangedI64ValueParser};
 use glam::Vec3;
 use lightkiln::options::{
-    FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation, SkyOption, Solver, Store,
+    Exposure, FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation, SkyOption, Solver, Store, Tone,
 };
 use lightkiln::units::Radiance;
 use std::path::{Path, PathBuf};
@@ -141,6 +141,17 @@ impl Named for LampsOut {
     }
 }
 
+impl Named for Tone {
+    const ALL: &'static [Pick<Self>] = &[Pick(Self::Filmic), Pick(Self::Clip)];
+
+    fn describe(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Filmic => ("filmic", "like film: highlights roll off"),
+            Self::Clip => ("clip", "as it is, cut at white; Blender's Standard view"),
+        }
+    }
+}
+
 /// `--sky`, as typed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sky(pub SkyOption);
@@ -184,6 +195,30 @@ fn image(text: &str) -> Result<Sky, String> {
 /// Whether the name ends in one of the extensions, whatever the case.
 pub fn has_extension(path: &Path, extensions: &[&str]) -> bool {
     path.extension().is_some_and(|found| extensions.iter().any(|e| found.eq_ignore_ascii_case(e)))
+}
+
+/// `auto` or a power of two.
+pub fn exposure(text: &str) -> Result<Exposure, String> {
+    match (text, text.parse::<f32>()) {
+        ("auto", _) => Ok(Exposure::Auto),
+        (_, Ok(ev)) if (-60.0..=60.0).contains(&ev) => Ok(Exposure::Ev(ev)),
+        _ => Err("expected auto, or a power of two such as -1.5; 0 shows radiance 1 as white".to_owned()),
+    }
+}
+
+/// `1280x720`.
+pub fn picture_size(text: &str) -> Result<[u32; 2], String> {
+    let read = |side: &str| side.trim().parse::<u32>().ok().filter(|side| (1..=16_384).contains(side));
+    let sides = text.split_once(['x', 'X', '×']).and_then(|(w, h)| Some([read(w)?, read(h)?]));
+    sides.ok_or_else(|| "expected width x height in pixels, such as 1280x720".to_owned())
+}
+
+/// Degrees around the scene.
+pub fn azimuth(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(degrees) if degrees.abs() <= 3600.0 => Ok(degrees),
+        _ => Err("expected degrees around the scene, such as 35".to_owned()),
+    }
 }
 
 /// Texels per metre.
@@ -255,6 +290,7 @@ mod tests {
         names_agree::<Solver>();
         names_agree::<Relaxation>();
         names_agree::<FormFactors>();
+        names_agree::<Tone>();
     }
 
     #[test]
@@ -277,6 +313,18 @@ mod tests {
         assert_eq!(sky("1,2,3.exr"), sky_of("1,2,3.exr", 1.0));
         for wrong in ["noon.png", "noon.hdr,bright", "noon.hdr,-1", "noon.hdr,nan"] {
             assert!(sky(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_picture_has_a_size_and_an_exposure() {
+        assert_eq!([picture_size("1280x720"), picture_size("64 × 32")], [Ok([1280, 720]), Ok([64, 32])]);
+        assert_eq!([exposure("auto"), exposure("-1.5")], [Ok(Exposure::Auto), Ok(Exposure::Ev(-1.5))]);
+        for wrong in ["", "0x5", "5", "99999x2", "axb"] {
+            assert!(picture_size(wrong).is_err(), "{wrong}");
+        }
+        for wrong in ["", "bright", "nan", "inf", "1000"] {
+            assert!(exposure(wrong).is_err(), "{wrong}");
         }
     }
 

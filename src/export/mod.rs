@@ -15,7 +15,7 @@ mod uri;
 
 pub use exr::{ExrImage, HALF_MAX, decode_exr, read_exr};
 pub use files::TEMPORARY_PREFIX;
-pub use picture::picture_png;
+pub use picture::{picture_png, write_png};
 
 use crate::atlas::Atlas;
 use crate::error::{Error, Result, Warning};
@@ -56,12 +56,15 @@ pub struct Written {
 
 /// Where the baked file of `input` goes: `options.output`, or beside the input with `.baked` in its name.
 ///
-/// Fails where [`write`] could not write, the preview included, so that no light is computed in vain.
+/// Fails where [`write`] could not write, the preview and the picture included, so that no light is computed in vain.
 pub fn output_path(input: &Path, options: &ExportOptions) -> Result<PathBuf> {
     let target = Target::new(input, options.output.as_deref())?;
     target.check()?;
     if let Some(path) = &options.preview {
         preview::target(input, path, &target)?.check()?;
+    }
+    if let Some(path) = &options.picture {
+        target::check_picture(path)?;
     }
     Ok(target.path)
 }

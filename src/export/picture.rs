@@ -1,10 +1,12 @@
 //! Pages as 8 bit pictures: the fallback that viewers without EXR show, and a picture to look at.
 
 use super::exr::lawful;
+use super::files::Batch;
 use crate::error::{Error, Result};
 use crate::resolve::{Lightmap, LightmapPage};
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
+use std::path::Path;
 
 /// Half the width and height, linear values clipped at 1, eight bits: what readers see that know PNG only. They
 /// read a lightmap as linear data, so there is no sRGB curve.
@@ -71,6 +73,18 @@ fn srgb(linear: f32) -> u8 {
     let x = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
     let y = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
     (y * 255.0).round() as u8
+}
+
+/// Writes a picture, sRGB, three bytes a pixel, row by row from the top; whole or not at all.
+pub fn write_png(path: &Path, size: [u32; 2], rgb: &[u8]) -> Result<()> {
+    let [width, height] = size.map(|side| side as usize);
+    let at = path.display().to_string();
+    if width * height * 3 != rgb.len() {
+        return Err(Error::invalid(at, format!("{} bytes are not {width} × {height} pixels", rgb.len())));
+    }
+    let mut batch = Batch::new([]);
+    batch.add(path, &[&png(&at, rgb, width, height)?])?;
+    batch.commit().map(drop)
 }
 
 fn png(at: &str, rgb: &[u8], width: usize, height: usize) -> Result<Vec<u8>> {

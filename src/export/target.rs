@@ -76,6 +76,14 @@ impl Target {
     }
 }
 
+/// Fails where no PNG of this name can be written.
+pub(super) fn check_picture(path: &Path) -> Result<()> {
+    if path.is_dir() || path.extension().is_none_or(|extension| !extension.eq_ignore_ascii_case("png")) {
+        return Err(Error::invalid(path.display().to_string(), "a picture's name must end in .png"));
+    }
+    check_folder(folder_of(path))
+}
+
 /// Every file the input consists of.
 pub(super) fn input_files(document: &Document) -> Vec<PathBuf> {
     let folder = folder_of(&document.path);

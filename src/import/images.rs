@@ -208,6 +208,22 @@ fn read_bytes<'a>(
     }
 }
 
+impl Document {
+    /// The bytes of an image as they are stored, of whatever format.
+    pub fn image_bytes(&self, image: usize, options: &ImportOptions) -> Result<Cow<'_, [u8]>> {
+        let part = Part::item(&self.json, IMAGES, image)?;
+        read_bytes(self, &part, options)?.map_err(|what| Error::invalid(part.at(), what))
+    }
+
+    /// The bytes of a file that something in the scene names, as a uri or plainly; `at` is what names it.
+    pub fn companion_bytes(&self, name: &str, options: &ImportOptions, at: &str) -> Result<Vec<u8>> {
+        match uri::resolve(self.folder(), name, options.allow_outside, at)? {
+            Target::Data(bytes) => Ok(bytes),
+            Target::File(path) => uri::read_file(self.folder(), &path, options.allow_outside, at),
+        }
+    }
+}
+
 fn reader(bytes: &[u8]) -> std::result::Result<ImageReader<Cursor<&[u8]>>, String> {
     let Ok(format) = image::guess_format(bytes) else {
         return Err(match bytes {

@@ -15,6 +15,7 @@ pub(super) struct List {
 pub(super) const ACCESSORS: List = List { key: "accessors", kind: "accessor" };
 pub(super) const BUFFERS: List = List { key: "buffers", kind: "buffer" };
 pub(super) const BUFFER_VIEWS: List = List { key: "bufferViews", kind: "buffer view" };
+pub(super) const CAMERAS: List = List { key: "cameras", kind: "camera" };
 pub(super) const IMAGES: List = List { key: "images", kind: "image" };
 pub(super) const MATERIALS: List = List { key: "materials", kind: "material" };
 pub(super) const MESHES: List = List { key: "meshes", kind: "mesh" };

@@ -5,6 +5,7 @@
 
 mod accessor;
 mod buffers;
+mod cameras;
 mod compression;
 mod container;
 mod document;
@@ -60,8 +61,9 @@ pub fn load_bytes(path: &Path, bytes: &[u8], options: &ImportOptions) -> Result<
     let (materials, textures) = materials::read(&document, &used, options, &mut warnings)?;
     let (lamps, lamp_units) =
         lights::read(&document, &hierarchy, placed.origin_world, options, &mut warnings)?;
-    let sky =
-        sky::read(&document, hierarchy.scene, options.sky.as_ref(), options.allow_outside, &mut warnings)?;
+    let sky = sky::read(&document, hierarchy.scene, options, &mut warnings)?;
+
+    let cameras = cameras::read(&document, &hierarchy, &mut warnings);
 
     let mut scene = Scene {
         geometries: placed.geometries,
@@ -70,6 +72,7 @@ pub fn load_bytes(path: &Path, bytes: &[u8], options: &ImportOptions) -> Result<
         textures,
         lamps,
         sky,
+        cameras,
         origin_world: placed.origin_world,
         lamp_units,
         index: hierarchy.scene,

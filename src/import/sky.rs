@@ -4,9 +4,9 @@ use super::document::Document;
 use super::extras;
 use super::json::{Part, SCENES};
 use super::sky_image;
-use super::uri::{self, Target};
+use super::uri;
 use crate::error::{Error, Result, Warning};
-use crate::options::SkyOption;
+use crate::options::{ImportOptions, SkyOption};
 use crate::scene::Sky;
 use crate::units::Radiance;
 use glam::Vec3;
@@ -16,17 +16,16 @@ use serde_json::Value;
 pub(super) fn read(
     document: &Document,
     scene: Option<usize>,
-    wanted: Option<&SkyOption>,
-    allow_outside: bool,
+    options: &ImportOptions,
     warnings: &mut Vec<Warning>,
 ) -> Result<Sky> {
-    match (wanted, scene) {
+    match (&options.sky, scene) {
         (Some(SkyOption::Constant(radiance)), _) => constant(radiance.0, 1.0, "--sky"),
         (Some(SkyOption::Image { path, strength }), _) => {
             let bytes = std::fs::read(path).map_err(|source| Error::io(path, source))?;
             sky_image::read(&bytes, &path.display().to_string(), *strength, warnings).map(Sky::Image)
         }
-        (None, Some(scene)) => from_extras(document, scene, allow_outside, warnings),
+        (None, Some(scene)) => from_extras(document, scene, options, warnings),
         (None, None) => Ok(Sky::None),
     }
 }
@@ -34,7 +33,7 @@ pub(super) fn read(
 fn from_extras(
     document: &Document,
     scene: usize,
-    allow_outside: bool,
+    options: &ImportOptions,
     warnings: &mut Vec<Warning>,
 ) -> Result<Sky> {
     let part = Part::item(&document.json, SCENES, scene)?;
@@ -58,10 +57,7 @@ fn from_extras(
             }
         }
         Some(Value::String(file)) => {
-            let bytes = match uri::resolve(document.folder(), file, allow_outside, &at)? {
-                Target::Data(bytes) => bytes,
-                Target::File(path) => uri::read_file(document.folder(), &path, allow_outside, &at)?,
-            };
+            let bytes = document.companion_bytes(file, options, &at)?;
             sky_image::read(&bytes, &uri::shorten(file), strength, warnings).map(Sky::Image)
         }
         Some(_) => {

@@ -3,10 +3,12 @@
 //! Everything is relative to [`Scene::origin_world`], which is subtracted in f64 so that geometry far from the
 //! origin keeps its precision. Axes are glTF's: y up, right-handed.
 
+mod camera;
 mod material;
 mod sky;
 mod texture;
 
+pub use camera::{Camera, Projection};
 pub use material::{Alpha, Material, TextureSlot};
 pub use sky::{Sky, SkyImage};
 pub use texture::{Filter, Pixels, Texture, Wrap};
@@ -43,6 +45,8 @@ pub struct Scene {
     pub lamps: Vec<Lamp>,
     /// What rays meet that leave the scene.
     pub sky: Sky,
+    /// Where it can be looked at from, in document order.
+    pub cameras: Vec<Camera>,
     /// World position, metres, of the scene's local origin; subtracted from every position.
     pub origin_world: DVec3,
     /// How the numbers of the file's lamps were read; never [`LampUnits::Auto`] in an imported scene. With
@@ -302,6 +306,19 @@ impl Scene {
     fn at(&self, at: SurfacePoint) -> (&Surface, &Material) {
         let surface = &self.surfaces[at.surface as usize];
         (surface, self.material(surface))
+    }
+
+    /// Linear base colour and alpha at a point: factor × texture × vertex colour.
+    pub fn color(&self, at: SurfacePoint) -> Vec4 {
+        let (surface, material) = self.at(at);
+        self.base_color(surface, material, at)
+    }
+
+    /// Texture coordinates of a point in one of its geometry's sets; `None` when there is no such set.
+    pub fn texcoord(&self, at: SurfacePoint, set: usize) -> Option<Vec2> {
+        let surface = &self.surfaces[at.surface as usize];
+        let rows = self.geometry(surface).texcoords.get(set)?;
+        Some(self.interpolate(surface, at, rows, |uv| uv))
     }
 
     fn base_color(&self, surface: &Surface, material: &Material, at: SurfacePoint) -> Vec4 {
