@@ -124,3 +124,98 @@ pub(crate) fn mean_white_radiance(baked: &Baked) -> Vec3 {
     }
     if area > 0.0 { (sum / area).as_vec3() } else { Vec3::ZERO }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Alpha, Geometry, GeometryId, Material, MaterialId, Origin, Role, Surface};
+    use crate::transport::World;
+    use crate::with_tracer;
+    use glam::{DAffine3, Vec4};
+
+    /// Square sheets across the z axis that face +z, one material each.
+    fn sheets(sheets: &[(f32, Material)]) -> Scene {
+        let mut scene = Scene::default();
+        for (number, (z, material)) in sheets.iter().enumerate() {
+            let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+            let position: Vec<Vec3> = corners.iter().map(|&(x, y)| Vec3::new(x, y, *z)).collect();
+            scene.geometries.push(Geometry {
+                position_local: position.clone(),
+                normal_local: vec![Vec3::Z; 4],
+                triangles: vec![[0, 1, 2], [0, 2, 3]],
+                ..Geometry::default()
+            });
+            scene.materials.push(material.clone());
+            scene.surfaces.push(Surface {
+                origin: Origin { node: number, ..Origin::default() },
+                geometry: GeometryId(number as u32),
+                material: MaterialId(number as u32),
+                world_from_local: DAffine3::IDENTITY,
+                position_world: position,
+                normal_world: vec![Vec3::Z; 4],
+                mirrored: false,
+                role: Role::Lightmapped,
+                density_factor: 1.0,
+            });
+        }
+        scene
+    }
+
+    /// Every surface sends its own number plus one.
+    struct Numbers;
+
+    impl Look for Numbers {
+        fn radiance(&self, at: SurfacePoint, _: Vec3) -> Vec3 {
+            Vec3::splat(at.surface as f32 + 1.0)
+        }
+
+        fn background(&self, _: Vec3) -> Vec3 {
+            Vec3::splat(100.0)
+        }
+    }
+
+    fn along_z(scene: &Scene, from: f32, towards: f32) -> Seen {
+        let world = World::new(scene);
+        let ray = Ray::unbounded(Vec3::new(0.3, 0.2, from), Vec3::new(0.0, 0.0, towards));
+        with_tracer!(world.tracer(scene), tracer => look(scene, tracer, &Numbers, ray))
+    }
+
+    fn alpha(alpha: Alpha, opacity: f32) -> Material {
+        Material { alpha, base_color: Vec4::new(0.5, 0.5, 0.5, opacity), ..Material::default() }
+    }
+
+    #[test]
+    fn backs_of_single_sided_surfaces_are_not_seen() {
+        let both = Material { double_sided: true, ..Material::default() };
+        let scene = sheets(&[(1.0, Material::default()), (2.0, both), (3.0, Material::default())]);
+        assert_eq!(along_z(&scene, 9.0, -1.0).radiance.x, 3.0);
+        assert_eq!(along_z(&scene, -9.0, 1.0).radiance.x, 2.0);
+        let open = along_z(&sheets(&[(1.0, Material::default())]), -9.0, 1.0);
+        assert_eq!((open.radiance.x, open.surface), (100.0, false));
+    }
+
+    #[test]
+    fn blended_surfaces_cover_their_alpha_and_holes_nothing() {
+        let scene = sheets(&[
+            (1.0, Material::default()),
+            (2.0, alpha(Alpha::Blend, 0.25)),
+            (3.0, alpha(Alpha::Mask { cutoff: 0.5 }, 0.4)),
+            (4.0, alpha(Alpha::Blend, 0.5)),
+        ]);
+        // Half of the fourth, a quarter of the rest from the second, nothing of the third, then the first.
+        let seen = along_z(&scene, 9.0, -1.0);
+        assert!((seen.radiance.x - (0.5 * 4.0 + 0.125 * 2.0 + 0.375)).abs() < 1e-6 && seen.surface);
+        let glass = along_z(&sheets(&[(2.0, alpha(Alpha::Blend, 0.25))]), 9.0, -1.0);
+        assert!((glass.radiance.x - (0.25 + 75.0)).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_ray_ends_where_the_eye_s_clip_says() {
+        let scene = sheets(&[(0.0, Material { double_sided: true, ..Material::default() })]);
+        let world = World::new(&scene);
+        let ray = |t_max| Ray { origin: Vec3::Z * 2.0, direction: Vec3::NEG_Z, t_max };
+        let seen =
+            |t_max| with_tracer!(world.tracer(&scene), t => look(&scene, t, &Numbers, ray(t_max)).surface);
+        assert_eq!([seen(1.9), seen(2.1)], [false, true]);
+    }
+}

@@ -103,3 +103,63 @@ pub(crate) fn take<T: Tracer, L: Look>(
     });
     Picture { size: eye.size, rgb, exposure_ev: developer.ev(), camera: eye.name.clone() }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::options::View;
+    use crate::scene::{Camera, Projection, SurfacePoint};
+    use glam::DAffine3;
+
+    /// Everything there is is white before black.
+    struct White;
+
+    impl Look for White {
+        fn radiance(&self, _: SurfacePoint, _: Vec3) -> Vec3 {
+            Vec3::ONE
+        }
+
+        fn background(&self, _: Vec3) -> Vec3 {
+            Vec3::ZERO
+        }
+    }
+
+    #[test]
+    fn a_pixel_on_an_edge_shows_the_share_that_is_covered() {
+        // One triangle whose upright edge cuts the pixels of column 2 at 0.25 of their width, seen from above.
+        let corners =
+            vec![[Vec3::new(-40.0, 0.0, 40.0), Vec3::new(0.25, 0.0, 40.0), Vec3::new(0.25, 0.0, -80.0)]];
+        let world = World::opaque(corners);
+        let mut scene = Scene::default();
+        scene.materials.push(crate::scene::Material { double_sided: true, ..Default::default() });
+        scene.geometries.push(crate::scene::Geometry { triangles: vec![[0, 1, 2]], ..Default::default() });
+        scene.surfaces.push(crate::scene::Surface {
+            origin: Default::default(),
+            geometry: crate::scene::GeometryId(0),
+            material: crate::scene::MaterialId(0),
+            world_from_local: DAffine3::IDENTITY,
+            position_world: [(-40.0, 40.0), (0.25, 40.0), (0.25, -80.0)]
+                .map(|(x, z)| Vec3::new(x, 0.0, z))
+                .to_vec(),
+            normal_world: vec![Vec3::Y; 3],
+            mirrored: false,
+            role: crate::scene::Role::Lightmapped,
+            density_factor: 1.0,
+        });
+        scene.cameras.push(Camera {
+            name: "down".into(),
+            world_from_camera: DAffine3::from_translation(glam::DVec3::Y)
+                * DAffine3::from_rotation_x(-std::f64::consts::FRAC_PI_2),
+            projection: Projection::Orthographic { half_width_m: 2.0, half_height_m: 2.0 },
+            clip_m: [0.0, 10.0],
+        });
+        let eye = Eye::new(&scene, world.bounds(), &View::First, Some([4, 4])).unwrap();
+        let tracer = crate::transport::OpaqueTracer::new(&world);
+        let picture = take(&scene, &tracer, &White, &eye, Exposure::Ev(0.0), Tone::Clip);
+        let row: Vec<u8> = picture.rgb[12..24].chunks(3).map(|pixel| pixel[0]).collect();
+        // sRGB of a quarter is 137; 16 points that lie in 16 strips of each axis are off by less than one of them.
+        let quarter = [3.0_f32, 5.0].map(|n| tone::bytes(tone::srgb(Vec3::splat(n / 16.0)))[0]);
+        assert_eq!([row[0], row[1], row[3]], [255, 255, 0], "{row:?}");
+        assert!((quarter[0]..=quarter[1]).contains(&row[2]), "{row:?}");
+    }
+}
