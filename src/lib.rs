@@ -36,6 +36,7 @@ pub mod export;
 
 pub mod baked;
 pub mod render;
+pub mod check;
 
 pub mod bake;
 mod memory;

@@ -1,7 +1,7 @@
 //! How a baked file says where its light is: extras of nodes and scene by name, MOZ_lightmap on materials by index.
 
 use crate::error::{Error, Result};
-use crate::export::ExrImage;
+use crate::export::{ExrImage, file_of_uri};
 use crate::import::Document;
 use crate::options::{ImportOptions, Store};
 use crate::scene::Surface;
@@ -151,7 +151,7 @@ impl Stated {
         let link = self.material.as_ref()?;
         let image = link.image?;
         let file = match (&link.uri, &link.name) {
-            (Some(uri), _) => uri.clone(),
+            (Some(uri), _) => file_of_uri(uri).to_string_lossy().into_owned(),
             (None, Some(name)) => format!("{name}.exr"),
             (None, None) => format!("image {image}"),
         };

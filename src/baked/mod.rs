@@ -5,6 +5,7 @@
 mod links;
 
 pub use links::{Entry, MaterialLink, Stated};
+pub(crate) use links::{store_named, store_of_intensity};
 
 use crate::error::{Error, Result};
 use crate::export::{ExrImage, decode_exr};

@@ -1,5 +1,6 @@
 //! What can be typed. Every default is read from the library.
 
+use super::check::CheckArgs;
 use super::render::RenderArgs;
 use super::values::{self, Pick, Sky};
 use clap::{Args, Parser, Subcommand};
@@ -38,6 +39,8 @@ pub enum Command {
     Bake(Box<BakeArgs>),
     /// Take a picture of a baked file
     Render(RenderArgs),
+    /// Examine a baked file: texture space, pages, units, seams
+    Check(CheckArgs),
 }
 
 /// The arguments of `bake`, as typed.

@@ -30,6 +30,34 @@ pub struct RenderArgs {
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
 
+    /// Where it is taken from.
+    #[command(flatten)]
+    pub view: ViewArgs,
+
+    /// Power of two that radiances are multiplied with, or auto
+    #[arg(long, value_name = "EV", value_parser = values::exposure, default_value = "auto", allow_hyphen_values = true)]
+    pub exposure: Exposure,
+
+    /// How light becomes colour
+    #[arg(long, value_name = "CURVE", value_enum, default_value_t = Pick(Tone::default()))]
+    pub tone: Pick<Tone>,
+
+    /// How the file is read.
+    #[command(flatten)]
+    pub scene: SceneArgs,
+
+    /// Worker threads [default: one per core]
+    #[arg(long, value_name = "NUMBER", value_parser = values::threads())]
+    pub threads: Option<u16>,
+
+    /// Print errors only
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// Where a picture is taken from.
+#[derive(Debug, Args)]
+pub struct ViewArgs {
     /// Look through the camera of this name [default: the first one; from outside if there is none]
     #[arg(long, value_name = "NAME", conflicts_with = "orbit")]
     pub camera: Option<String>,
@@ -45,18 +73,14 @@ pub struct RenderArgs {
     )]
     pub orbit: Option<f32>,
 
-    /// Power of two that radiances are multiplied with, or auto
-    #[arg(long, value_name = "EV", value_parser = values::exposure, default_value = "auto", allow_hyphen_values = true)]
-    pub exposure: Exposure,
-
     /// Width and height, pixels [default: 720 high, as wide as the camera says]
     #[arg(long, value_name = "WxH", value_parser = values::picture_size)]
     pub size: Option<[u32; 2]>,
+}
 
-    /// How light becomes colour
-    #[arg(long, value_name = "CURVE", value_enum, default_value_t = Pick(Tone::default()))]
-    pub tone: Pick<Tone>,
-
+/// How a baked file is read.
+#[derive(Debug, Args)]
+pub struct SceneArgs {
     /// What is seen behind the scene: R,G,B[,STRENGTH] or an .exr or .hdr FILE[,STRENGTH] [default: the file's sky]
     #[arg(long, value_parser = values::sky, allow_hyphen_values = true)]
     pub sky: Option<Sky>,
@@ -68,18 +92,22 @@ pub struct RenderArgs {
     /// Let the file name files outside its own folder
     #[arg(long)]
     pub allow_outside: bool,
-
-    /// Worker threads [default: one per core]
-    #[arg(long, value_name = "NUMBER", value_parser = values::threads())]
-    pub threads: Option<u16>,
-
-    /// Print errors only
-    #[arg(short, long)]
-    pub quiet: bool,
 }
 
-impl RenderArgs {
-    fn import(&self) -> ImportOptions {
+impl ViewArgs {
+    /// What they mean.
+    pub fn view(&self) -> View {
+        match (&self.camera, self.orbit) {
+            (Some(name), _) => View::Camera(name.clone()),
+            (None, Some(azimuth_deg)) => View::Orbit { azimuth_deg },
+            (None, None) => View::First,
+        }
+    }
+}
+
+impl SceneArgs {
+    /// What they mean.
+    pub fn import(&self) -> ImportOptions {
         ImportOptions {
             scene: self.scene.clone(),
             // Lamps are not looked at; this keeps the reader from guessing.
@@ -89,23 +117,16 @@ impl RenderArgs {
             allow_outside: self.allow_outside,
         }
     }
-
-    fn options(&self) -> RenderOptions {
-        let view = match (&self.camera, self.orbit) {
-            (Some(name), _) => View::Camera(name.clone()),
-            (None, Some(azimuth_deg)) => View::Orbit { azimuth_deg },
-            (None, None) => View::First,
-        };
-        RenderOptions { view, size: self.size, exposure: self.exposure, tone: self.tone.0 }
-    }
 }
 
 /// Takes the picture, tells how, and returns the exit code.
 pub fn run(args: &RenderArgs) -> ExitCode {
     let output = args.output.clone().unwrap_or_else(|| args.input.with_extension("png"));
     let taken = in_pool(args.threads.map(usize::from), || -> Result<Picture> {
-        let baked = baked::read(&args.input, &args.import())?;
-        let picture = render::picture(&baked, &args.options())?;
+        let baked = baked::read(&args.input, &args.scene.import())?;
+        let (view, size) = (args.view.view(), args.view.size);
+        let options = RenderOptions { view, size, exposure: args.exposure, tone: args.tone.0 };
+        let picture = render::picture(&baked, &options)?;
         export::write_png(&output, picture.size, &picture.rgb)?;
         Ok(picture)
     });

@@ -137,6 +137,11 @@ pub fn write(
     Ok(Written { files, warnings })
 }
 
+/// The file that a relative `uri` of a glTF names, percent-encoding undone.
+pub fn file_of_uri(uri: &str) -> PathBuf {
+    uri::to_path(uri)
+}
+
 /// Writes a picture of all pages to look at, see [`picture_png`]; whole or not at all.
 pub fn write_picture(path: &Path, lightmap: &Lightmap) -> Result<()> {
     let mut batch = Batch::new([]);

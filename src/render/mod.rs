@@ -6,7 +6,7 @@ mod look;
 mod tone;
 
 pub(crate) use eye::Eye;
-pub(crate) use look::{Lit, Look, look, mean_white_radiance};
+pub(crate) use look::{Lit, Look};
 
 use crate::baked::Baked;
 use crate::error::{Error, Result};
@@ -16,7 +16,7 @@ use crate::scene::Scene;
 use crate::transport::{Tracer, World};
 use crate::with_tracer;
 use glam::Vec3;
-use look::Seen;
+use look::{Seen, look};
 use rayon::prelude::*;
 use tone::Developer;
 
