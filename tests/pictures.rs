@@ -113,3 +113,54 @@ fn any_number_of_threads_takes_the_same_picture() {
     // Sun and shadow: not one colour.
     assert!(one.rgb.iter().max() > one.rgb.iter().min().map(|dark| dark + 100).as_ref());
 }
+
+/// Runs the command in a folder.
+fn lightkiln(folder: &TempDir, arguments: &str) -> std::process::Output {
+    let mut command = assert_cmd::Command::new(assert_cmd::cargo::cargo_bin!("lightkiln"));
+    command.current_dir(folder.path()).args(arguments.split_whitespace()).output().unwrap()
+}
+
+#[test]
+fn the_commands_say_what_they_did_and_end_with_the_right_code() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(fixture("grey_lamp.glb"), folder.path().join("room.glb")).unwrap();
+    let run = |arguments: &str, code: i32| {
+        let output = lightkiln(&folder, arguments);
+        let [out, said] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+        assert_eq!(output.status.code(), Some(code), "{arguments}\n{out}{said}");
+        (out, said)
+    };
+    run("bake room.glb -q --quality draft --page-size 64 --picture baked.png", 0);
+    assert!(folder.path().join("baked.png").exists());
+
+    let (out, said) = run("render room.baked.glb --size 64x48 --exposure -1", 0);
+    assert!(
+        out.is_empty() && said.contains("room.baked.png: 64 × 48, camera 'Camera', exposure -1.00"),
+        "{said}"
+    );
+    run("render room.baked.glb -q --orbit=90 --tone clip --size 20x20 -o outside.png", 0);
+    assert_eq!(image_size(&folder.path().join("outside.png")), [20, 20]);
+    assert!(run("render room.glb", 1).1.contains("lightkiln bake"));
+    assert!(run("render room.baked.glb --camera Nobody", 1).1.contains("Camera"));
+    run("render room.baked.glb --camera Camera --orbit", 2);
+    run("render room.baked.glb --size 0x0", 2);
+    run("render", 2);
+
+    let (table, _) = run("check room.baked.glb", 0);
+    for part in ["room.baked.lightmap0.exr", "64 × 64", "room", "0 errors"] {
+        assert!(table.contains(part), "{part} is not in\n{table}");
+    }
+    let (json, _) = run("check room.baked.glb --json --picture density.png --size 32x32", 0);
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["objects"][0]["name"], "room");
+    assert_eq!(image_size(&folder.path().join("density.png")), [32, 32]);
+    std::fs::write(folder.path().join("room.baked.lightmap0.exr"), "nothing").unwrap();
+    let (table, _) = run("check room.baked.glb", 1);
+    assert!(table.contains("error: room.baked.lightmap0.exr") && table.contains("unreadable"), "{table}");
+}
+
+/// From the header of a PNG.
+fn image_size(path: &Path) -> [u32; 2] {
+    let bytes = std::fs::read(path).unwrap();
+    [16, 20].map(|at| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap()))
+}
