@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::export::{ExrImage, decode_exr};
 use crate::import::{self, Document};
 use crate::options::{ImportOptions, Store};
-use crate::scene::Scene;
+use crate::scene::{Role, Scene};
 use glam::{Vec2, Vec3};
 use links::Source;
 use std::collections::BTreeMap;
@@ -89,6 +89,14 @@ pub fn read(path: &Path, options: &ImportOptions) -> Result<Baked> {
         })
         .collect();
     Ok(Baked { document, scene, pages, lightmaps, stated })
+}
+
+impl Baked {
+    /// The surfaces that are seen and name no lightmap.
+    pub fn bare_surfaces(&self) -> impl Iterator<Item = usize> + '_ {
+        let seen = |i: &usize| self.scene.surfaces[*i].role != Role::Emits;
+        (0..self.lightmaps.len()).filter(seen).filter(|&i| self.lightmaps[i].is_none())
+    }
 }
 
 impl Page {

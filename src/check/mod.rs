@@ -186,7 +186,7 @@ pub fn check(baked: &Baked) -> Findings {
         file: baked.document.path.clone(),
         pages: reports,
         objects: rows,
-        surfaces_without: baked.lightmaps.iter().filter(|lightmap| lightmap.is_none()).count(),
+        surfaces_without: baked.bare_surfaces().count(),
         seams,
         problems,
     }

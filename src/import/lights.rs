@@ -23,7 +23,7 @@ const BLENDER_LM_PER_W: f32 = 683.0;
 const IMPLAUSIBLE_LUX: f32 = 50.0;
 const IMPLAUSIBLE_CD: f32 = 100.0;
 /// Widest radius of a lamp, metres.
-const MAX_RADIUS_M: f32 = 1e6;
+pub(super) const MAX_RADIUS_M: f32 = 1e6;
 
 /// Reads the lamps of the scene, and says how their numbers were meant.
 pub(super) fn read(

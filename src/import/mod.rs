@@ -4,6 +4,7 @@
 //! there, and foreign decoders are fenced in.
 
 mod accessor;
+mod area_lamps;
 mod buffers;
 mod cameras;
 mod compression;
@@ -78,19 +79,25 @@ pub fn load_bytes(path: &Path, bytes: &[u8], options: &ImportOptions) -> Result<
         index: hierarchy.scene,
         warnings,
     };
-    finish(&mut scene, path)?;
+    refuse_nothing(&scene, path)?;
+    area_lamps::add(&document, &hierarchy, &mut scene)?;
+    finish(&mut scene, path);
     Ok((document, scene))
 }
 
-/// What can only be said when everything is there.
-fn finish(scene: &mut Scene, path: &Path) -> Result<()> {
-    let triangles: usize = scene.surfaces.iter().map(|surface| scene.geometry(surface).triangles.len()).sum();
-    let file = path.display().to_string();
-    if triangles == 0 {
-        let what = "the scene holds no triangles to bake: check that the objects are exported (Blender: Include > \
-                    Selected Objects is off), or choose another scene with --scene";
-        return Err(Error::invalid(file, what));
+/// A scene without a single triangle is a mistake.
+fn refuse_nothing(scene: &Scene, path: &Path) -> Result<()> {
+    if scene.surfaces.iter().any(|surface| !scene.geometry(surface).triangles.is_empty()) {
+        return Ok(());
     }
+    let what = "the scene holds no triangles to bake: check that the objects are exported (Blender: Include > Selected \
+                Objects is off), or choose another scene with --scene";
+    Err(Error::invalid(path.display().to_string(), what))
+}
+
+/// What can only be said when everything is there.
+fn finish(scene: &mut Scene, path: &Path) {
+    let file = path.display().to_string();
     for surface in &mut scene.surfaces {
         if scene.materials[surface.material.0 as usize].unlit {
             surface.role = Role::Blocks;
@@ -110,7 +117,6 @@ fn finish(scene: &mut Scene, path: &Path) -> Result<()> {
                     excluded by lightkiln.bake";
         scene.warnings.push(Warning::new(file, what));
     }
-    Ok(())
 }
 
 /// A texture on a set that the mesh does not have is read at one point; once a material, that is worth a word.

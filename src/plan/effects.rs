@@ -1,7 +1,7 @@
 //! Which effects a scene calls for, said in the artist's words.
 
 use super::{Effect, Side, Sides};
-use crate::scene::{Alpha, LampKind, Scene};
+use crate::scene::{Alpha, LampKind, Role, Scene};
 
 /// Lists every effect with its reason.
 pub fn effects(scene: &Scene, sides: &[Sides]) -> Vec<Effect> {
@@ -44,7 +44,7 @@ pub fn effects(scene: &Scene, sides: &[Sides]) -> Vec<Effect> {
     add(
         "alpha test",
         surfaces("object with a mask", "no material uses alphaMode MASK", &|i| {
-            matches!(material(i).alpha, Alpha::Mask { .. })
+            matches!(material(i).alpha, Alpha::Mask { .. }) && scene.surfaces[i].role != Role::Emits
         }),
     );
     add(

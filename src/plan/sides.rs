@@ -50,7 +50,7 @@ pub fn sides_with_evidence(scene: &Scene) -> SidesFound {
         .iter()
         .map(|surface| match surface.role {
             _ if scene.material(surface).unlit => Sides { front: Side::Dark, back: Side::Dark },
-            Role::Blocks => Sides { front: Side::Dark, back: Side::Dark },
+            Role::Blocks | Role::Emits => Sides { front: Side::Dark, back: Side::Dark },
             Role::Reflects => Sides { front: Side::Hidden, back: Side::Dark },
             Role::Lightmapped => Sides { front: Side::Lightmapped, back: Side::Dark },
         })

@@ -72,7 +72,7 @@ pub(crate) struct Lit<'a> {
 impl<'a> Lit<'a> {
     /// The light of a baked file.
     pub fn new(baked: &'a Baked) -> Self {
-        let bare = baked.lightmaps.iter().any(Option::is_none);
+        let bare = baked.bare_surfaces().next().is_some();
         Self { baked, elsewhere: if bare { mean_white_radiance(baked) } else { Vec3::ZERO } }
     }
 }

@@ -105,6 +105,9 @@ pub enum Role {
     Reflects,
     /// Only blocks light (unlit materials).
     Blocks,
+    /// Only gives light: no ray meets it and it takes none (area lamps). Its material's alpha is a hole everywhere, its
+    /// [`Origin::mesh`] is none of the file's.
+    Emits,
 }
 
 /// A placed geometry.

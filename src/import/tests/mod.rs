@@ -1,5 +1,6 @@
 //! Whole files through the whole stage, one topic a file.
 
+mod area_lamps;
 mod broken;
 mod compressed;
 mod lights;
