@@ -46,6 +46,13 @@ fn from_extras(
             .map(|strength| strength as f32)
             .ok_or_else(|| must("its custom property sky_strength must be a number"))?,
     };
+    let rotation_deg = match extras::own_or_plain(&part, "sky_rotation") {
+        None => 0.0,
+        Some(value) => value
+            .as_f64()
+            .filter(|degrees| degrees.abs() <= 1e6)
+            .ok_or_else(|| must("its custom property sky_rotation must be a number of degrees"))?,
+    };
     match extras::own_or_plain(&part, "sky") {
         None | Some(Value::Null) => Ok(Sky::None),
         Some(Value::Array(values)) => {
@@ -58,7 +65,8 @@ fn from_extras(
         }
         Some(Value::String(file)) => {
             let bytes = document.companion_bytes(file, options, &at)?;
-            sky_image::read(&bytes, &uri::shorten(file), strength, warnings).map(Sky::Image)
+            let image = sky_image::read(&bytes, &uri::shorten(file), strength, warnings)?;
+            Ok(Sky::Image(image.turned(rotation_deg)))
         }
         Some(_) => {
             Err(must("its custom property sky must be three numbers or the name of an .exr or .hdr file"))

@@ -34,6 +34,15 @@ impl SkyImage {
         lawful.then_some(Self { size, radiance })
     }
 
+    /// The same image turned about the vertical, counter-clockwise seen from above, to the nearest pixel.
+    pub fn turned(mut self, degrees: f64) -> Self {
+        let width = self.size[0] as usize;
+        // Columns run clockwise: what was in a column moves to one further left.
+        let columns = (degrees / 360.0 * width as f64).round().rem_euclid(width as f64) as usize;
+        self.radiance.chunks_exact_mut(width).for_each(|row| row.rotate_left(columns % width));
+        self
+    }
+
     /// Width and height in pixels.
     pub fn size(&self) -> [u32; 2] {
         self.size
@@ -102,6 +111,16 @@ mod tests {
             let (a, b) = SkyImage::image_point(SkyImage::direction_world(u, v));
             assert!((a - u).abs() < 1e-5 && (b - v).abs() < 1e-5);
         }
+        let mut pixels = vec![Vec3::ZERO; 8];
+        pixels[4] = Vec3::ONE;
+        let image = SkyImage::new([8, 1], pixels).unwrap();
+        let seen = |image: &SkyImage, d: Vec3| image.sample(d).0.x;
+        let ahead = SkyImage::direction_world(4.5 / 8.0, 0.5);
+        assert!((seen(&image, ahead) - 1.0).abs() < 1e-5);
+        // A quarter turn to the left, seen from above.
+        let turned = image.turned(90.0);
+        assert!((seen(&turned, glam::Quat::from_rotation_y(PI / 2.0) * ahead) - 1.0).abs() < 1e-5);
+        assert_eq!(seen(&turned, ahead), 0.0);
         assert!((SkyImage::direction_world(0.5, 0.5) - Vec3::NEG_Z).length() < 1e-6);
     }
 }

@@ -1,0 +1,136 @@
+"""The same texture space baked by Cycles, and how far lightkiln's light is from it."""
+
+import bpy
+import numpy as np
+
+import pictures
+
+# Agreement that is asked for.
+MEAN_RATIO = 0.01
+MEDIAN_ERROR = 0.03
+
+
+def bake(baked, pages, samples):
+    """Bakes the lightmap set of an imported baked file with the lamps and the world of the scene that is open.
+
+    The scene that is open is the original: its lamps and world stay, its shapes give way to the baked file's, which has
+    the coordinates. Returns file -> two pages [rows from the top, columns, 3] of independent noise, E/pi as lightkiln's.
+    """
+    keep_light_only()
+    before = set(bpy.data.objects)
+    bpy.ops.import_scene.gltf(filepath=str(baked))
+    for thing in [thing for thing in bpy.data.objects if thing not in before and thing.type == "LIGHT"]:
+        bpy.data.objects.remove(thing)
+    imported = [thing for thing in bpy.data.objects if thing not in before]
+    lit = [thing for thing in imported if thing.type == "MESH" and hasattr(thing.get("lightmap"), "to_dict")]
+    images = {}
+    for thing in lit:
+        entry = thing["lightmap"].to_dict()
+        file = entry["file"]
+        if file not in images:
+            width, height = pages[file].shape[1::-1]
+            images[file] = bpy.data.images.new(file, width, height, float_buffer=True, is_data=True)
+        thing.data.uv_layers.active_index = entry["texCoord"]
+        if not thing.data.materials:
+            thing.data.materials.append(bpy.data.materials.new("none"))
+        for slot in thing.material_slots:
+            aim_at(slot.material, images[file])
+    for made in bpy.data.materials:
+        make_matte(made)
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    settings = scene.cycles
+    settings.samples, settings.use_adaptive_sampling, settings.use_denoising = samples // 2, False, False
+    settings.max_bounces = settings.diffuse_bounces = settings.transparent_max_bounces = 64
+    # What makes other pictures smoother makes these ones wrong.
+    settings.sample_clamp_direct = settings.sample_clamp_indirect = settings.light_sampling_threshold = 0
+    for thing in bpy.data.objects:
+        thing.select_set(thing in lit)
+    bpy.context.view_layer.objects.active = lit[0]
+    halves = []
+    for seed in (0, 1):
+        settings.seed = seed
+        for image in images.values():
+            image.pixels.foreach_set(np.zeros(len(image.pixels), np.float32))
+        bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT", "INDIRECT"}, margin=0, use_clear=True)
+        halves.append({file: pixels_of(image) for file, image in images.items()})
+    return {file: (halves[0][file], halves[1][file]) for file in images}
+
+
+def keep_light_only():
+    """Lamps stay where they are in the world; everything else goes."""
+    lamps = [thing for thing in bpy.context.scene.objects if thing.type == "LIGHT"]
+    places = {lamp: lamp.matrix_world.copy() for lamp in lamps}
+    for lamp in lamps:
+        lamp.parent = None
+        lamp.matrix_world = places[lamp]
+    for thing in [thing for thing in bpy.data.objects if thing.type != "LIGHT"]:
+        bpy.data.objects.remove(thing)
+
+
+def aim_at(material, image):
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    target = nodes.new("ShaderNodeTexImage")
+    target.image = image
+    for node in nodes:
+        node.select = node == target
+    nodes.active = target
+
+
+def make_matte(material):
+    """The diffuse world that is baked: no specular lobe above it."""
+    for node in material.node_tree.nodes if material.node_tree else []:
+        if node.type == "BSDF_PRINCIPLED":
+            node.inputs["Specular IOR Level"].default_value = 0.0
+            node.inputs["Roughness"].default_value = 1.0
+
+
+def pixels_of(image):
+    width, height = image.size
+    flat = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(flat)
+    return flat.reshape(height, width, -1)[::-1, :, :3].astype(np.float64)
+
+
+def interior(owner):
+    """Texels whose eight neighbours belong to the same object: borders are sampled at other places by Cycles."""
+    inside = owner >= 0
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            inside &= np.roll(owner, (dy, dx), axis=(0, 1)) == owner
+    inside[[0, -1], :] = inside[:, [0, -1]] = False
+    return inside
+
+
+def compare(ours, halves, owner):
+    """Numbers for one page. `owner` is the object at each texel, -1 where there is none."""
+    theirs = (halves[0] + halves[1]) / 2
+    where = interior(owner)
+    # Black in Cycles to the last sample: inside of something, where lightkiln fills in what is around.
+    buried = where & (theirs.max(axis=-1) == 0)
+    where &= ~buried
+    a, b, c = (side.mean(axis=-1)[where] for side in (ours, theirs, halves[0] - halves[1]))
+    if not len(a) or b.mean() == 0:
+        return {"texels": 0, "problems": ["nothing to compare"]}, where
+    # Dark texels would divide noise by nothing.
+    error = np.abs(a - b) / np.maximum(b, 0.02 * b.mean())
+    noise = np.abs(c) / 2 / np.maximum(b, 0.02 * b.mean())
+    facts = {
+        "texels": int(where.sum()),
+        "buried": int(buried.sum()),
+        "mean ratio": float(a.mean() / b.mean()),
+        "median error": float(np.median(error)),
+        "95th percentile": float(np.percentile(error, 95)),
+        "median noise of Cycles": float(np.median(noise)),
+        "problems": [],
+    }
+    if abs(facts["mean ratio"] - 1) > MEAN_RATIO:
+        facts["problems"].append(f"the mean is {facts['mean ratio']:.4f} times that of Cycles")
+    if facts["median error"] > MEDIAN_ERROR:
+        facts["problems"].append(f"the median error is {facts['median error']:.2%}, Cycles' own noise {facts['median noise of Cycles']:.2%}")
+    return facts, where
+
+
+def save_picture(path, ours, halves, where):
+    pictures.save(path, pictures.side_by_side(ours, (halves[0] + halves[1]) / 2, where))
