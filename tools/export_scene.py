@@ -72,6 +72,11 @@ def describe_lamps(undo, told):
             give(lamp, "angle", lamp.angle, undo)
         else:
             give(lamp, "radius", lamp.shadow_soft_size, undo)
+            if lamp.shadow_soft_size > 0 and getattr(lamp, "use_soft_falloff", False):
+                told.append(
+                    f"{thing.name}: its Soft Falloff is not carried over: at distance d it will be 1 + (radius / d)² times "
+                    f"as bright, which shows within a metre or two; switch it off to see in Blender what is baked"
+                )
 
 
 def plain_emission(node):

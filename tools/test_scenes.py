@@ -74,7 +74,7 @@ def area_ellipse(folder):
 def lamp_radius(folder):
     room()
     lamp = kit.point_lamp("bulb", (0.5, 0.4, 2.4), 100)
-    lamp.data.shadow_soft_size = 0.3
+    lamp.data.shadow_soft_size, lamp.data.use_soft_falloff = 0.3, False
 
 
 @scene

@@ -16,8 +16,8 @@ pub enum Sky {
     Image(SkyImage),
 }
 
-/// An equirectangular image of the whole sphere: rows from the zenith (+y) down, the centre column looks along −z,
-/// as Blender's environment texture does after its export to glTF's axes (Blender's +y, north, is glTF's −z).
+/// An equirectangular image of the whole sphere: rows from the zenith (+y) down, the centre column looks along +x, the
+/// first and last along −x, columns in between turn clockwise seen from above. So Blender's environment texture shows it.
 #[derive(Clone, Debug)]
 pub struct SkyImage {
     size: [u32; 2],
@@ -56,13 +56,13 @@ impl SkyImage {
     /// Unit direction, world, of the image point `(u, v)` in `[0, 1]²`.
     pub fn direction_world(u: f32, v: f32) -> Vec3 {
         let (theta, phi) = (v * PI, (u - 0.5) * 2.0 * PI);
-        Vec3::new(theta.sin() * phi.sin(), theta.cos(), -theta.sin() * phi.cos())
+        Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin())
     }
 
     /// Image point `(u, v)` of a unit direction; the inverse of [`Self::direction_world`].
     pub fn image_point(direction_world: Vec3) -> (f32, f32) {
         let d = direction_world;
-        (0.5 + d.x.atan2(-d.z) / (2.0 * PI), d.y.clamp(-1.0, 1.0).acos() / PI)
+        (0.5 + d.z.atan2(d.x) / (2.0 * PI), d.y.clamp(-1.0, 1.0).acos() / PI)
     }
 
     /// Radiance seen along a unit direction, bilinear.
@@ -121,6 +121,6 @@ mod tests {
         let turned = image.turned(90.0);
         assert!((seen(&turned, glam::Quat::from_rotation_y(PI / 2.0) * ahead) - 1.0).abs() < 1e-5);
         assert_eq!(seen(&turned, ahead), 0.0);
-        assert!((SkyImage::direction_world(0.5, 0.5) - Vec3::NEG_Z).length() < 1e-6);
+        assert!((SkyImage::direction_world(0.5, 0.5) - Vec3::X).length() < 1e-6);
     }
 }
