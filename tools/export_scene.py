@@ -60,6 +60,7 @@ def export(path, **settings):
 
 
 def describe_lamps(undo, told):
+    soft = []
     for thing in bpy.context.scene.objects:
         if thing.type != "LIGHT" or thing.hide_render:
             continue
@@ -73,10 +74,12 @@ def describe_lamps(undo, told):
         else:
             give(lamp, "radius", lamp.shadow_soft_size, undo)
             if lamp.shadow_soft_size > 0 and getattr(lamp, "use_soft_falloff", False):
-                told.append(
-                    f"{thing.name}: its Soft Falloff is not carried over: at distance d it will be 1 + (radius / d)² times "
-                    f"as bright, which shows within a metre or two; switch it off to see in Blender what is baked"
-                )
+                soft.append(thing.name)
+    if soft:
+        told.append(
+            f"{', '.join(soft)}: Soft Falloff is not carried over: at distance d they will be 1 + (radius / d)² times as "
+            "bright, which shows close by; switch it off to see in Blender what is baked"
+        )
 
 
 def plain_emission(node):

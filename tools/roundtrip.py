@@ -159,9 +159,11 @@ def print_trip(trip):
                 f"      {file}: mean {found['mean ratio']:.4f} of Cycles', median error {found['median error']:.2%} at "
                 f"{found['samples']} samples (noise {found['median noise of Cycles']:.2%})"
             )
+    if note := trip.facts.get("views", {}).get("note"):
+        print(f"      views: {note}")
     for way, found in trip.facts.get("views", {}).items():
         if isinstance(found, dict):
-            print(f"      {way}: median {found['median steps']:.1f}, 95 % within {found['95th percentile']:.1f} of 255")
+            print(f"      {way}: differs from render by a median of {found['median steps']:.1f} steps, 95 % within {found['95th percentile']:.1f} of 255")
     for check, problems in trip.checks.items():
         if problems:
             print(f"      {check}: {len(problems)} problems")

@@ -7,6 +7,7 @@ import blender_snapshot as snapshot
 # What a bake adds: where its light is, to every node, and the list of its pages, to the scene.
 ADDED_PROPERTY = "lightmap"
 ADDED_TO_SCENE = "lightmaps"
+DEFAULT = "default"
 # Blender packs an imported normal into 16-bit cosines, in a frame that depends on the neighbours; near 1 a cosine that
 # coarse is off by sqrt(2 / 32767) in the angle. A split vertex has other neighbours: its normal comes back different.
 NORMAL_TOLERANCE = 1e-2
@@ -15,11 +16,23 @@ NORMAL_TOLERANCE = 1e-2
 def unchanged(before, meshes_before, after, meshes_after):
     """All sections of two snapshots: section -> problems."""
     checks = {}
+    accept_default(before, after, meshes_after)
     for section in before:
         clean = without_added if section == "custom properties" else dict
         checks[section] = list(block_differences(clean(before[section]), clean(after[section])))
     checks["meshes"] = list(mesh_differences(meshes_before, meshes_after))
     return checks
+
+
+def accept_default(before, after, meshes_after):
+    """A lightmap needs a material to hang on: primitives without one get glTF's default, written out under this name."""
+    name = f"materials {DEFAULT}"
+    if name in before["materials"]:
+        return
+    after["materials"].pop(name, None)
+    after["custom properties"].pop(name, None)
+    for corners in meshes_after.values():
+        corners.material_of = [None if made == DEFAULT else made for made in corners.material_of]
 
 
 def differences(before, after, at="", tolerance=1e-6):

@@ -25,6 +25,8 @@ def compare(lightkiln, baked, preview, folder, engines=("CYCLES",)):
         ways.append((f"preview in {engine}", lambda: load_preview(preview), engine))
         ways.append((f"lightmaps applied in {engine}", lambda: apply_lightmaps.load(baked), engine))
     shown, facts = [pictures.load(ours)], {"exposure": ev, "size": size, "problems": []}
+    if not shown[0].any():
+        facts["note"] = "the camera sees nothing but black"
     for number, (name, load, engine) in enumerate(ways):
         load()
         path = folder / f"{baked.stem}.blender{number}.png"
