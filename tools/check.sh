@@ -82,17 +82,19 @@ set_up_validator() {
   fi
 }
 
-# Bakes every fixture; a fixture that cannot be baked counts as failed and takes no part in what follows.
+# Bakes every fixture and examines the result; a fixture that cannot be baked counts as failed and takes no part in what follows.
 bake_fixtures() {
   local fixture out good=0 bad=0
   for fixture in fixtures/*.glb; do
     out="$work/$(basename "$fixture")"
-    if target/release/lightkiln bake "$fixture" -o "$out" --page-size 256 --quality draft -q && [[ -s $out ]]; then
+    if target/release/lightkiln bake "$fixture" -o "$out" --preview "${out%.glb}.preview.glb" \
+      --page-size 256 --quality draft -q && [[ -s $out ]] && target/release/lightkiln check "$out" >"$work/findings"; then
       good=$((good + 1))
       pairs+=("$fixture" "$out")
     else
       bad=$((bad + 1))
-      printf 'FAIL  %s could not be baked\n' "$fixture"
+      printf 'FAIL  %s could not be baked, or its bake is not sound\n' "$fixture"
+      grep '^error' "$work/findings" || true
     fi
   done
   count "$good" "$bad"
@@ -120,9 +122,11 @@ else
   count 0 1
 fi
 if ((${#pairs[@]})); then
-  counted_check "round trip through Blender" target/venv/bin/python tools/roundtrip.py "${pairs[@]}"
+  counted_check "round trip through Blender" target/venv/bin/python tools/roundtrip.py --views --pairs "${pairs[@]}"
   counted_check "Khronos validator" node tools/validate_gltf.mjs --baseline "${pairs[@]}"
 fi
+# Every kind of light that glTF drops, exported, baked, and baked again by Cycles.
+counted_check "light as in Cycles" target/venv/bin/python tools/roundtrip.py --own --cycles 512 --page-size 64
 
 printf '\n%d passed, %d failed\n' "$passed" "$failed"
 ((failed == 0))

@@ -85,8 +85,8 @@ def overlap_problems(baked, page_sizes):
             yield f"{file}: {count} texels are claimed twice, by {one} and {other}"
 
 
-def texels_inside(corners, width, height):
-    """The texels whose centre lies inside a triangle (by more than a thousandth of a texel), within its bounds."""
+def texels_inside(corners, width, height, margin=1e-3):
+    """The texels whose centre lies inside a triangle by more than the margin (texels), within its bounds."""
     low = np.clip(np.floor(corners.min(axis=0)).astype(int), 0, (width, height))
     high = np.clip(np.ceil(corners.max(axis=0)).astype(int), 0, (width, height))
     edges = np.roll(corners, -1, axis=0) - corners
@@ -97,7 +97,7 @@ def texels_inside(corners, width, height):
     x, y = np.arange(low[0], high[0]) + 0.5, (np.arange(low[1], high[1]) + 0.5)[:, None]
     inside = np.ones((high[1] - low[1], high[0] - low[0]), bool)
     for corner, edge, length in zip(corners, edges * np.sign(area), lengths):
-        inside &= (edge[0] * (y - corner[1]) - edge[1] * (x - corner[0])) / length > 1e-3
+        inside &= (edge[0] * (y - corner[1]) - edge[1] * (x - corner[0])) / length > margin
     return slice(low[1], high[1]), slice(low[0], high[0]), inside
 
 
@@ -168,7 +168,8 @@ def owners_of(baked, page_sizes):
         owner = np.full((height, width), -1, np.int64)
         for number, thing in enumerate(baked):
             for corners in thing.uv * (width, height) if thing.file == file and thing.uv is not None else ():
-                rows, columns, inside = texels_inside(corners, width, height)
+                # A centre on the edge between two triangles belongs to both.
+                rows, columns, inside = texels_inside(corners, width, height, -1e-3)
                 if inside is not None:
                     owner[rows, columns][inside] = number
         owners[file] = owner

@@ -120,6 +120,7 @@ def open_file(path):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         bpy.app.debug_value = 1
         bpy.ops.import_scene.gltf(filepath=str(path))
+        cycles_compare.light_from_properties()
 
 
 def travel(trip, options):
@@ -137,11 +138,12 @@ def travel(trip, options):
     pages, owners = lossless(trip)
     if options.cycles and pages:
         against_cycles(trip, pages, owners, options.cycles)
-    if options.views and preview.exists():
+    document = lightmap_checks.read_document(trip.baked)
+    if options.views and preview.exists() and document.get("cameras"):
         engines = ["CYCLES"]
         if options.eevee:
             engines.append("BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE")
-        trip.facts["views"] = views.compare(options.lightkiln, trip.baked, preview, trip.baked.parent, engines)
+        trip.facts["views"] = views.compare(options.lightkiln, trip.baked, preview, trip.baked.parent, document, engines)
         trip.checks["views agree"] = trip.facts["views"].pop("problems")
 
 

@@ -14,10 +14,15 @@ WIDTH = 320
 # pixels on edges, which the two sample at other places.
 MEDIAN_STEPS = 1.0
 P95_STEPS = 8.0
+# A preview holds colours at the lightmap's resolution, which blurs textures.
+P95_STEPS_BLURRED = 24.0
 
 
-def compare(lightkiln, baked, preview, folder, engines=("CYCLES",)):
+def compare(lightkiln, baked, preview, folder, document, engines=("CYCLES",)):
     """Takes the pictures; returns facts with their `problems`, and writes them side by side to `folder`."""
+    textured = any("baseColorTexture" in made.get("pbrMetallicRoughness", {}) for made in document.get("materials", []))
+    # What has no lightmap is black in Blender, lit by the mean of all light in lightkiln render.
+    bare = any("mesh" in node and "lightmap" not in (node.get("extras") or {}) for node in document.get("nodes", []))
     ours = folder / f"{baked.stem}.render.png"
     size, ev = frame(lightkiln, baked, ours)
     ways = []
@@ -35,7 +40,8 @@ def compare(lightkiln, baked, preview, folder, engines=("CYCLES",)):
         steps = np.abs(shown[0] - shown[-1]).max(axis=-1) * 255
         median, p95 = float(np.median(steps)), float(np.percentile(steps, 95))
         facts[name] = {"median steps": median, "95th percentile": p95}
-        if median > MEDIAN_STEPS or p95 > P95_STEPS:
+        limit = P95_STEPS_BLURRED if textured and name.startswith("preview") else P95_STEPS
+        if median > MEDIAN_STEPS or (p95 > limit and not bare):
             facts["problems"].append(f"{name}: differs from lightkiln render by {median:.1f} of 255, in 5 % of the pixels by {p95:.1f}")
     gap = np.ones((size[1], 4, 3))
     pictures.save(folder / f"{baked.stem}.views.png", np.hstack([part for one in shown for part in (one, gap)][:-1]))
@@ -71,6 +77,8 @@ def take(path, size, ev, engine="CYCLES", samples=16):
     scene.camera = next(thing for thing in scene.objects if thing.type == "CAMERA")
     scene.render.engine = engine
     scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = samples, False, False
+    if engine != "CYCLES":
+        scene.eevee.taa_render_samples = samples
     scene.cycles.max_bounces = 0
     scene.cycles.pixel_filter_type = "BOX"
     scene.render.resolution_x, scene.render.resolution_y = size
