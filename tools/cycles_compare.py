@@ -150,7 +150,9 @@ def compare(ours, halves, owner):
     where &= ~buried
     a, b, c = (side.mean(axis=-1)[where] for side in (ours, theirs, halves[0] - halves[1]))
     if not len(a) or b.mean() == 0:
-        return {"texels": 0, "problems": ["nothing to compare"]}, where
+        # No light at all is an answer too, when both give it.
+        lit = ours[interior(owner)].any() if interior(owner).any() else True
+        return {"texels": 0, "problems": ["nothing to compare"] if lit else []}, where
     # Dark texels would divide noise by nothing.
     error = np.abs(a - b) / np.maximum(b, 0.02 * b.mean())
     noise = np.abs(c) / 2 / np.maximum(b, 0.02 * b.mean())
