@@ -7,6 +7,8 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+import export_scene
+
 
 def new_scene():
     """An empty file: nothing of the start-up scene, nothing of the scene before."""
@@ -16,15 +18,7 @@ def new_scene():
 
 def export(path, **settings):
     """Writes the scene as a GLB with the settings a bake needs; Blender has most of them off by default."""
-    wanted = dict(
-        export_format="GLB",
-        export_lights=True,
-        export_cameras=True,
-        export_extras=True,
-        export_apply=True,
-        export_import_convert_lighting_mode="SPEC",
-    )
-    wanted.update(settings)
+    wanted = {"export_format": "GLB", **{name: value for name, (value, _) in export_scene.NEEDED.items()}, **settings}
     bpy.app.debug_value = 1  # the exporter then reports warnings only
     bpy.ops.export_scene.gltf(filepath=str(path), **wanted)
 

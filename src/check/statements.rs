@@ -121,12 +121,12 @@ fn of_scene(baked: &Baked) -> Vec<Problem> {
             found.push(Problem::grave(Kind::Unit, file, what));
         }
         let size = entry.get("size").and_then(Value::as_u64);
-        if let (Some(size), Ok(image)) = (size, &page.image) {
-            if image.size.iter().any(|&side| side as u64 != size) {
-                let [w, h] = image.size;
-                let what = format!("the scene says it is {size} texels wide and high, but it has {w} × {h}");
-                found.push(Problem::grave(Kind::Links, file, what));
-            }
+        if let (Some(size), Ok(image)) = (size, &page.image)
+            && image.size.iter().any(|&side| side as u64 != size)
+        {
+            let [w, h] = image.size;
+            let what = format!("the scene says it is {size} texels wide and high, but it has {w} × {h}");
+            found.push(Problem::grave(Kind::Links, file, what));
         }
     }
     found
