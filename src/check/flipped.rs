@@ -46,7 +46,7 @@ pub(super) fn back_light<T: Tracer>(baked: &Baked, tracer: &T, lit: &Lit, surfac
         let origin = world.offset_origin(triangle, scene.position(at), back);
         let axes = frame(back, Vec3::X);
         for p in &looks {
-            let direction = to_world(&axes, cosine_hemisphere(p[0], p[1])) + Vec3::ZERO;
+            let direction = to_world(&axes, cosine_hemisphere(p[0], p[1]));
             sum += match tracer.closest(&Ray::unbounded(origin, direction)) {
                 None => lit.background(direction),
                 Some(hit) => {

@@ -4,7 +4,8 @@ use clap::ValueEnum;
 use clap::builder::{PossibleValue, RangedI64ValueParser};
 use glam::Vec3;
 use lightkiln::options::{
-    Exposure, FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation, SkyOption, Solver, Store, Tone,
+    Exposure, FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation, SkyOption, Solver, Store,
+    Tone,
 };
 use lightkiln::units::Radiance;
 use std::path::{Path, PathBuf};

@@ -124,14 +124,10 @@ impl Eye {
         } else {
             (self.position, self.forward + aside)
         };
-        // `along` reaches a depth of 1 m. Adding zero makes 0 of −0, which the tree does not expect.
+        // `along` reaches a depth of 1 m.
         let [near, far] = self.clip_m;
         let length = along.length();
-        Ray {
-            origin: from + along * near,
-            direction: along / length + Vec3::ZERO,
-            t_max: (far - near) * length,
-        }
+        Ray { origin: from + along * near, direction: along / length, t_max: (far - near) * length }
     }
 }
 
