@@ -15,8 +15,8 @@ use rayon::prelude::*;
 use std::ops::Range;
 
 /// About how many texels one task rasterises, and how many tasks run before their results are put together.
-const TASK_TEXELS: usize = 1 << 15;
-const WAVE_TASKS: usize = 64;
+const TASK_TEXELS: usize = 1 << 12;
+const WAVE_TASKS: usize = 512;
 /// A share of invalid elements that the artist should hear of.
 const MANY_INVALID: f32 = 0.3;
 
