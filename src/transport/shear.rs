@@ -163,7 +163,8 @@ impl Slabs {
     pub fn new(ray: &Ray, sheared: &Sheared, tree: &Tree) -> Self {
         let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
         let size = direction.abs();
-        let cone = 8.0 * UNIT * sheared.z.abs();
+        // The largest component is the one along z: no need to wait for the choice of axes.
+        let cone = 8.0 * UNIT * size.max_element();
         let mut enter = ((1.0 - 6.0 * UNIT) / (size + cone)).copysign(direction);
         let mut leave = ((1.0 + 6.0 * UNIT) / (size - cone)).copysign(direction);
         let rounding = 4.0 * UNIT * origin.abs();
