@@ -1,6 +1,6 @@
 //! The binary tree over boxes; the only file that names obvhs.
 
-use super::shear::BOX_PAD;
+use super::shear::UNIT;
 use glam::Vec3;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -81,9 +81,10 @@ impl BinaryNode {
     }
 }
 
-/// The box of a triangle, larger on every side as the ray's test wants it, see [`super::shear::Slabs`].
+/// The box of a triangle, larger on every side as the ray's test wants it: see [`super::shear::Slabs`], |S| ≤ 1.
 pub(super) fn padded([a, b, c]: &[Vec3; 3]) -> (Vec3, Vec3) {
     let (low, high) = (a.min(*b).min(*c), a.max(*b).max(*c));
-    let pad = (high - low).max_element() * BOX_PAD;
+    let extent = high - low;
+    let pad = extent * (2.0 * UNIT) + extent.max_element() * (4.0 * UNIT);
     ((low - pad).map(f32::next_down), (high + pad).map(f32::next_up))
 }

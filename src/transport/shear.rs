@@ -1,8 +1,8 @@
 //! A ray as the triangles and the tree want it.
 
 use super::Ray;
-use super::tree::{Block, Tree};
-use glam::{BVec3A, Vec3A};
+use super::tree::Block;
+use glam::Vec3A;
 
 /// Unit roundoff of f32: the relative error of one rounded operation.
 pub(super) const UNIT: f32 = f32::EPSILON / 2.0;
@@ -59,7 +59,7 @@ impl Sheared {
     #[inline(always)]
     pub fn new(ray: &Ray) -> Option<Self> {
         let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
-        let size = d.map(f32::abs);
+        let size = [d[0].abs(), d[1].abs(), d[2].abs()];
         let z = if size[0] > size[1] && size[0] > size[2] { 0 } else { 1 + usize::from(size[2] > size[1]) };
         let axis = AXES[z];
         if size[z].is_nan() || size[z] == 0.0 {
@@ -67,7 +67,7 @@ impl Sheared {
         }
         Some(Self {
             axis,
-            origin: axis.map(|k| o[k]),
+            origin: [o[axis[0]], o[axis[1]], o[axis[2]]],
             shear: [d[axis[0]] / d[z], d[axis[1]] / d[z]],
             z: d[z],
         })
@@ -91,14 +91,14 @@ impl Sheared {
     /// shared edge meets both triangles, never neither, and the weights have no cancellation error.
     #[inline(always)]
     pub fn meet(&self, block: Block, lane: usize) -> Option<Meeting> {
-        let corner = |c: usize| {
-            let at = |k: usize| block.coordinate(self.axis[k], c, lane) - self.origin[k];
-            let (x, y, z) = (at(0), at(1), at(2));
-            (f64::from(x - self.shear[0] * z), f64::from(y - self.shear[1] * z), f64::from(z))
-        };
-        let (ax, ay, az) = corner(0);
-        let (bx, by, bz) = corner(1);
-        let (cx, cy, cz) = corner(2);
+        let [az, bz, cz] = block.corners(self.axis[2], lane);
+        let (az, bz, cz) = (az - self.origin[2], bz - self.origin[2], cz - self.origin[2]);
+        let [ax, bx, cx] = block.corners(self.axis[0], lane);
+        let [ay, by, cy] = block.corners(self.axis[1], lane);
+        let sheared = |k: usize, at: f32, z: f32| f64::from((at - self.origin[k]) - self.shear[k] * z);
+        let (ax, ay, az) = (sheared(0, ax, az), sheared(1, ay, az), f64::from(az));
+        let (bx, by, bz) = (sheared(0, bx, bz), sheared(1, by, bz), f64::from(bz));
+        let (cx, cy, cz) = (sheared(0, cx, cz), sheared(1, cy, cz), f64::from(cz));
         let u = bx * cy - by * cx;
         let v = cx * ay - cy * ax;
         let w = ax * by - ay * bx;
@@ -125,16 +125,15 @@ fn most(a: f64, b: f64) -> f64 {
 /// A ray prepared for the boxes of a tree.
 ///
 /// No box may be missed that holds a triangle the hit test meets. With u the unit roundoff, A a corner minus the
-/// origin and |S| ≤ 1 the shear, `fl(A_x − fl(S fl(A_z)))` is off by at most 2u|A_x| + 4u|A_z| (first order: u for
-/// A_x, the last difference, A_z, S and the product). So where the test hits, the exact triangle has a point no farther
-/// than that from the exact ray, along x and y only. Let it be at distance t and let the triangle's box measure at
-/// most e along any axis: |A_k| ≤ t|d_k| + e, and the bound becomes 6ut|d_z| + 6ue.
-/// - The second term is built into the boxes: [`BOX_PAD`].
-/// - The first grows with t: it is a change of direction. The ray becomes a cone of directions d_k ± δ with
-///   δ = 8u|d_z|, entering boxes as if it were faster and leaving them as if it were slower. Rounding in the slab
-///   distances is in the reciprocals too.
-/// - Along an axis where |d_k| < 4δ the cone would spread to both sides. There the origin is widened to o ± 48u r
-///   instead, r being the reach of the world along z, and the ray is taken as parallel.
+/// origin, S = d_x/d_z the shear and e_k the extents of the triangle, `fl(A_x − fl(S fl(A_z)))` is off, to first
+/// order, by u|A_x| for the first difference, 3u|S A_z| for the second, the shear and the product, and u times the
+/// result, which is at most e_x + |S|e_z where the test meets, since the origin is then inside the projection. A point
+/// of the triangle at distance t along the ray has |A_x| ≤ t|d_x| + e_x and |S A_z| ≤ t|d_x| + |S|e_z. So the ray as
+/// the test sees it passes the exact triangle no farther than 4ut|d_x| + 2ue_x + 4u|S|e_z from where it is, along x,
+/// and likewise along y.
+/// - The first term is a relative error of the distance, as is the rounding of the slab distances, 4u: boxes are
+///   entered 10u earlier and left 10u later.
+/// - The others are built into the boxes: [`super::build::padded`].
 /// - A slab distance is b/d − o/d with o/d made beforehand. Its rounding is at most that of b/d, which is
 ///   u|b − o|/|d| + u|o|/|d|, and that of o/d, as if the origin were off by 2u|o|; the origin is moved by 4u|o|.
 #[derive(Clone, Copy)]
@@ -151,40 +150,27 @@ pub(super) struct Slabs {
     pub negative: [bool; 3],
 }
 
-/// Boxes of triangles are larger on every side by this share of their longest side, see [`Slabs`].
-pub(super) const BOX_PAD: f32 = 8.0 * UNIT;
-
-/// Stands for the reciprocal of a direction component that is as good as zero: over any lawful distance (see
-/// [`super::world::FARTHEST`]) products with it are finite.
-const PARALLEL: f32 = 1e18;
+/// Direction components below this are taken as this: their reciprocal stays finite and over any lawful distance
+/// (see [`super::world::FARTHEST`]) they move a ray by less than the padding.
+const SMALLEST: f32 = 1e-18;
 
 impl Slabs {
     #[inline(always)]
-    pub fn new(ray: &Ray, sheared: &Sheared, tree: &Tree) -> Self {
+    pub fn new(ray: &Ray) -> Self {
         let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
-        let size = direction.abs();
-        // The largest component is the one along z: no need to wait for the choice of axes.
-        let cone = 8.0 * UNIT * size.max_element();
-        let mut enter = ((1.0 - 6.0 * UNIT) / (size + cone)).copysign(direction);
-        let mut leave = ((1.0 + 6.0 * UNIT) / (size - cone)).copysign(direction);
-        let rounding = 4.0 * UNIT * origin.abs();
-        let mut near = rounding.copysign(direction);
-        let parallel: BVec3A = size.cmplt(Vec3A::splat(4.0 * cone));
-        if parallel.any() {
-            let z = sheared.axis[2];
-            let reach = (tree.low[z] - ray.origin[z]).abs().max((tree.high[z] - ray.origin[z]).abs());
-            let wide = (rounding + 48.0 * UNIT * reach).copysign(direction);
-            let along = Vec3A::splat(PARALLEL).copysign(direction);
-            near = Vec3A::select(parallel, wide, near);
-            enter = Vec3A::select(parallel, along, enter);
-            leave = Vec3A::select(parallel, along, leave);
-        }
+        let inverse = (1.0 / direction.abs().max(Vec3A::splat(SMALLEST))).copysign(direction);
+        let (enter, leave) = (inverse * (1.0 - 10.0 * UNIT), inverse * (1.0 + 10.0 * UNIT));
+        let rounding = (origin.abs() * (4.0 * UNIT)).copysign(direction);
         Self {
             enter: enter.to_array(),
-            enter_offset: ((origin + near) * enter).to_array(),
+            enter_offset: ((origin + rounding) * enter).to_array(),
             leave: leave.to_array(),
-            leave_offset: ((origin - near) * leave).to_array(),
-            negative: ray.direction.to_array().map(f32::is_sign_negative),
+            leave_offset: ((origin - rounding) * leave).to_array(),
+            negative: [
+                ray.direction.x.is_sign_negative(),
+                ray.direction.y.is_sign_negative(),
+                ray.direction.z.is_sign_negative(),
+            ],
         }
     }
 }

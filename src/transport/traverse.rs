@@ -82,7 +82,7 @@ fn closest<L: Lanes, Q: Question>(tree: &Tree, ray: &Ray, t_min: f32, question: 
         nearest.meet_any(tree.tiny(), full_blocks(&lanes, tree.tiny(), &sheared.reach(ray.t_max)).0);
         return nearest.best.map(|meeting| meeting.to_hit(&sheared));
     }
-    let boxes = L::boxes(&Slabs::new(ray, &sheared, tree));
+    let boxes = L::boxes(&Slabs::new(ray));
     let mut stack = Stack::new();
     let mut current = 0;
     loop {
@@ -123,7 +123,7 @@ fn any<L: Lanes, Q: Question>(tree: &Tree, ray: &Ray, question: &mut Q) -> bool 
         let (may, sure) = full_blocks(&lanes, tree.tiny(), &reach);
         return (!Q::ASKS && sure != 0) || first.is_among(tree.tiny(), may, sure);
     }
-    let boxes = L::boxes(&Slabs::new(ray, &sheared, tree));
+    let boxes = L::boxes(&Slabs::new(ray));
     let mut stack = Stack::new();
     let mut current = 0;
     loop {

@@ -64,7 +64,7 @@ fn boxes_hold_what_the_hit_test_meets() {
                 let triangle = corners[random.bits() as usize % WIDTH];
                 let ray = ray_to(&mut random, triangle, scale);
                 let sheared = Sheared::new(&ray).unwrap();
-                let slabs = Slabs::new(&ray, &sheared, &tree);
+                let slabs = Slabs::new(&ray);
                 for lane in 0..WIDTH {
                     let Some(hit) = sheared.meet(block, lane) else { continue };
                     let (k, what) =
