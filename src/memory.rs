@@ -19,6 +19,9 @@ const PER_PATCH: u64 = 64 * 2 * 8 + PER_PATCH_AT_REST;
 /// Bytes an element costs while a stage collects what its tasks made; tasks are bounded, so only the first
 /// [`MOST_IN_FLIGHT`] elements do.
 const PER_ELEMENT_IN_FLIGHT: u64 = 70;
+/// Bytes an element that emits costs besides: its radiance in a list that doubles as it grows, and its part in a
+/// polygon.
+const PER_EMITTING_ELEMENT: u64 = 32;
 /// See [`PER_ELEMENT_IN_FLIGHT`].
 const MOST_IN_FLIGHT: u64 = 1 << 20;
 /// The process itself, its threads and the bytes of a small file.
@@ -40,10 +43,30 @@ pub fn predict(scene: &Scene, atlas: &Atlas, patches: u32) -> u64 {
         scene.textures.iter().map(|t| u64::from(t.size()[0]) * u64::from(t.size()[1]) * 4).sum();
     BASE + texels * PER_TEXEL
         + lit * PER_ELEMENT
+        + (lit as f64 * emitting_share(scene)) as u64 * PER_EMITTING_ELEMENT
         + lit.min(MOST_IN_FLIGHT) * PER_ELEMENT_IN_FLIGHT
         + triangles * PER_TRIANGLE
         + textures
         + u64::from(patches) * PER_PATCH
+}
+
+/// Share of the scene's surface that emits.
+fn emitting_share(scene: &Scene) -> f64 {
+    let (mut emitting, mut all) = (0.0, 0.0);
+    for surface in &scene.surfaces {
+        let area: f64 = (0..scene.geometry(surface).triangles.len() as u32)
+            .map(|triangle| {
+                let [a, b, c] = scene.corners_world(surface, triangle).map(|corner| corner.as_dvec3());
+                (b - a).cross(c - a).length() / 2.0
+            })
+            .filter(|area| area.is_finite())
+            .sum();
+        all += area;
+        if scene.material(surface).emission.0.max_element() > 0.0 {
+            emitting += area;
+        }
+    }
+    if all > 0.0 { emitting / all } else { 0.0 }
 }
 
 /// Refuses a bake that would want more than it may have; tells what it will want, bytes.
