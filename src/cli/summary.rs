@@ -149,6 +149,7 @@ mod tests {
             lamp_units: LampUnits::Blender,
             stages: vec![stage(Stage::Direct, 1.5, 1_000_000), stage(Stage::Solve, 0.25, 250_000)],
             seconds_total: 1.75,
+            predicted_memory_bytes: 64 << 20,
             atlas: AtlasReport {
                 pages: 1,
                 page_size_texels: 512,
