@@ -7,6 +7,7 @@ use super::shear::{Meeting, Reach, Sheared, Slabs};
 use super::stack::Stack;
 use super::tree::{ASK_BIT, Block, LANES, Leaf, Node, TINY, Tree, WIDTH};
 use super::{Hit, Ray};
+use std::mem::MaybeUninit;
 
 /// What a ray asks of triangles that may let it pass.
 pub(super) trait Question {
@@ -97,14 +98,16 @@ fn closest<L: Lanes, Q: Question>(tree: &Tree, ray: &Ray, t_min: f32, question: 
         }
         // All the wide tests first, so that they need not wait for the distances found.
         let reach = sheared.reach(nearest.t_max);
-        let (mut queue, mut queued) = ([(0, 0); WIDTH], 0);
+        let (mut queue, mut queued) = ([const { MaybeUninit::uninit() }; WIDTH], 0);
         while leaves != 0 {
             let k = lowest(&mut leaves);
             let (may, _) = blocks(&lanes, tree.leaf(node, k), &reach);
-            queue[queued % WIDTH] = (k, may);
+            queue[queued % WIDTH].write((k, may));
             queued += usize::from(may != 0);
         }
-        for &(k, may) in &queue[..queued] {
+        for entry in &queue[..queued] {
+            // SAFETY: written above.
+            let (k, may) = unsafe { entry.assume_init() };
             nearest.meet_any(tree.leaf(node, k), may);
         }
         let Some(child) = stack.pop(nearest.t_max) else { break };
@@ -135,17 +138,19 @@ fn any<L: Lanes, Q: Question>(tree: &Tree, ray: &Ray, question: &mut Q) -> bool 
             L::prefetch(node_of(tree, node.child[k]));
             stack.push(node.child[k], 0.0);
         }
-        let (mut queue, mut queued) = ([(0, 0, 0); WIDTH], 0);
+        let (mut queue, mut queued) = ([const { MaybeUninit::uninit() }; WIDTH], 0);
         while leaves != 0 {
             let k = lowest(&mut leaves);
             let (may, sure) = blocks(&lanes, tree.leaf(node, k), &reach);
             if !Q::ASKS && sure != 0 {
                 return true;
             }
-            queue[queued % WIDTH] = (k, may, sure);
+            queue[queued % WIDTH].write((k, may, sure));
             queued += usize::from(may != 0);
         }
-        for &(k, may, sure) in &queue[..queued] {
+        for entry in &queue[..queued] {
+            // SAFETY: written above.
+            let (k, may, sure) = unsafe { entry.assume_init() };
             if first.is_among(tree.leaf(node, k), may, sure) {
                 return true;
             }

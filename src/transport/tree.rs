@@ -158,12 +158,14 @@ impl Block<'_> {
         self.words.as_ptr().cast()
     }
 
-    /// A coordinate.
+    /// A coordinate of the three corners.
     #[inline(always)]
-    pub fn coordinate(&self, axis: usize, corner: usize, lane: usize) -> f32 {
-        debug_assert!(axis < 3 && corner < 3 && lane < self.count);
+    pub fn corners(&self, axis: usize, lane: usize) -> [f32; 3] {
+        debug_assert!(axis < 3 && lane < self.count);
+        let (first, count) = (axis * 3 * self.count + lane, self.count);
         // SAFETY: a block has nine rows of `count` coordinates.
-        f32::from_bits(unsafe { *self.words.get_unchecked((3 * axis + corner) * self.count + lane) })
+        let word = |place: usize| f32::from_bits(unsafe { *self.words.get_unchecked(place) });
+        [word(first), word(first + count), word(first + 2 * count)]
     }
 
     /// World triangle, with [`ASK_BIT`].

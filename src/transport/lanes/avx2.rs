@@ -27,10 +27,40 @@ pub(in crate::transport) struct Boxes {
 #[repr(align(32))]
 struct Row([f32; WIDTH]);
 
+/// Always inlined, and without closures, which may not be: outside of a function with the processor's features every
+/// instruction is a call.
 #[inline(always)]
-fn spread<const N: usize>(values: [f32; N]) -> [__m256; N] {
+fn spread2([a, b]: [f32; 2]) -> [__m256; 2] {
     // SAFETY: the type's contract.
-    values.map(|x| unsafe { _mm256_set1_ps(x) })
+    unsafe { [_mm256_set1_ps(a), _mm256_set1_ps(b)] }
+}
+
+#[inline(always)]
+fn spread3([a, b, c]: [f32; 3]) -> [__m256; 3] {
+    // SAFETY: the type's contract.
+    unsafe { [_mm256_set1_ps(a), _mm256_set1_ps(b), _mm256_set1_ps(c)] }
+}
+
+/// The origin minus the coordinates of three rows.
+///
+/// # Safety
+/// The type's contract; eight numbers can be read from the start of each row.
+#[inline(always)]
+unsafe fn from_origin(origin: __m256, row: *const f32, count: usize) -> [__m256; 3] {
+    // SAFETY: the caller's.
+    unsafe {
+        [
+            _mm256_sub_ps(origin, _mm256_loadu_ps(row)),
+            _mm256_sub_ps(origin, _mm256_loadu_ps(row.add(count))),
+            _mm256_sub_ps(origin, _mm256_loadu_ps(row.add(2 * count))),
+        ]
+    }
+}
+
+#[inline(always)]
+fn shear(flat: __m256, shear: __m256, z: __m256) -> __m256 {
+    // SAFETY: the type's contract.
+    unsafe { _mm256_sub_ps(flat, _mm256_mul_ps(shear, z)) }
 }
 
 impl Lanes for Avx2 {
@@ -38,18 +68,18 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     fn new(ray: &Sheared) -> Self {
-        Self { axis: ray.axis, origin: spread(ray.origin), shear: spread(ray.shear) }
+        Self { axis: ray.axis, origin: spread3(ray.origin), shear: spread2(ray.shear) }
     }
 
     #[inline(always)]
     fn boxes(slabs: &Slabs) -> Boxes {
-        let [x, y, z] = slabs.negative.map(usize::from);
+        let [x, y, z] = slabs.negative;
         Boxes {
-            near: [x, 2 + y, 4 + z],
-            enter: spread(slabs.enter),
-            enter_offset: spread(slabs.enter_offset),
-            leave: spread(slabs.leave),
-            leave_offset: spread(slabs.leave_offset),
+            near: [usize::from(x), 2 + usize::from(y), 4 + usize::from(z)],
+            enter: spread3(slabs.enter),
+            enter_offset: spread3(slabs.enter_offset),
+            leave: spread3(slabs.leave),
+            leave_offset: spread3(slabs.leave_offset),
         }
     }
 
@@ -82,17 +112,14 @@ impl Lanes for Avx2 {
     fn triangles(&self, block: Block, reach: &Reach) -> (u32, u32) {
         // SAFETY: the type's contract; eight numbers can be read from the start of every row.
         unsafe {
-            let rows = block.rows();
-            let at = |k: usize, corner: usize| {
-                let row = rows.add((3 * self.axis[k] + corner) * block.count());
-                _mm256_sub_ps(self.origin[k], _mm256_loadu_ps(row))
-            };
-            let (az, bz, cz) = (at(2, 0), at(2, 1), at(2, 2));
-            let sheared = |k: usize, corner: usize, z: __m256| {
-                _mm256_sub_ps(at(k, corner), _mm256_mul_ps(self.shear[k], z))
-            };
-            let (ax, bx, cx) = (sheared(0, 0, az), sheared(0, 1, bz), sheared(0, 2, cz));
-            let (ay, by, cy) = (sheared(1, 0, az), sheared(1, 1, bz), sheared(1, 2, cz));
+            let count = block.count();
+            let row = |k: usize| block.rows().add(self.axis[k] * 3 * count);
+            let [az, bz, cz] = from_origin(self.origin[2], row(2), count);
+            let [ax, bx, cx] = from_origin(self.origin[0], row(0), count);
+            let [ay, by, cy] = from_origin(self.origin[1], row(1), count);
+            let (ax, ay) = (shear(ax, self.shear[0], az), shear(ay, self.shear[1], az));
+            let (bx, by) = (shear(bx, self.shear[0], bz), shear(by, self.shear[1], bz));
+            let (cx, cy) = (shear(cx, self.shear[0], cz), shear(cy, self.shear[1], cz));
             let u = _mm256_sub_ps(_mm256_mul_ps(bx, cy), _mm256_mul_ps(by, cx));
             let v = _mm256_sub_ps(_mm256_mul_ps(cx, ay), _mm256_mul_ps(cy, ax));
             let w = _mm256_sub_ps(_mm256_mul_ps(ax, by), _mm256_mul_ps(ay, bx));
@@ -101,7 +128,7 @@ impl Lanes for Avx2 {
             let near = _mm256_min_ps(_mm256_min_ps(az, bz), cz);
             let far = _mm256_max_ps(_mm256_max_ps(az, bz), cz);
             let zero = _mm256_setzero_ps();
-            let [low, high] = spread(reach.widest);
+            let [low, high] = spread2(reach.widest);
             let side = _mm256_or_ps(
                 _mm256_cmp_ps::<_CMP_GE_OQ>(least, zero),
                 _mm256_cmp_ps::<_CMP_LE_OQ>(most, zero),
@@ -109,7 +136,7 @@ impl Lanes for Avx2 {
             let within =
                 _mm256_and_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(far, low), _mm256_cmp_ps::<_CMP_LE_OQ>(near, high));
             let may = _mm256_movemask_ps(_mm256_and_ps(side, within)) as u32;
-            let [low, high] = spread(reach.surest);
+            let [low, high] = spread2(reach.surest);
             let side = _mm256_or_ps(
                 _mm256_cmp_ps::<_CMP_GT_OQ>(least, zero),
                 _mm256_cmp_ps::<_CMP_LT_OQ>(most, zero),
@@ -117,7 +144,7 @@ impl Lanes for Avx2 {
             let within =
                 _mm256_and_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(near, low), _mm256_cmp_ps::<_CMP_LT_OQ>(far, high));
             let sure = _mm256_movemask_ps(_mm256_and_ps(side, within)) as u32;
-            let there = u32::MAX >> (32 - block.count() as u32);
+            let there = u32::MAX >> (32 - count as u32);
             (may & there, sure & there)
         }
     }

@@ -61,17 +61,28 @@ impl Lanes for Portable {
     #[inline(always)]
     fn triangles(&self, block: Block, reach: &Reach) -> (u32, u32) {
         let (ray, count) = (&self.ray, block.count());
-        let at = |k: usize, corner: usize| -> Row {
-            // Lanes beyond the last triangle repeat it.
-            each(|lane| ray.origin[k] - block.coordinate(ray.axis[k], corner, lane.min(count - 1)))
+        // Lanes beyond the last triangle repeat it.
+        let at = |k: usize| {
+            let mut rows = [[0.0; WIDTH]; 3];
+            for lane in 0..WIDTH {
+                let corners = block.corners(ray.axis[k], lane.min(count - 1));
+                for (row, corner) in rows.iter_mut().zip(corners) {
+                    row[lane] = ray.origin[k] - corner;
+                }
+            }
+            rows
         };
-        let (az, bz, cz) = (at(2, 0), at(2, 1), at(2, 2));
-        let sheared = |k: usize, corner: usize, z: &Row| -> Row {
-            let flat = at(k, corner);
-            each(|lane| flat[lane] - ray.shear[k] * z[lane])
+        let z = at(2);
+        let sheared = |k: usize| {
+            let mut rows = at(k);
+            for (row, z) in rows.iter_mut().zip(&z) {
+                for (flat, z) in row.iter_mut().zip(z) {
+                    *flat -= ray.shear[k] * z;
+                }
+            }
+            rows
         };
-        let (ax, bx, cx) = (sheared(0, 0, &az), sheared(0, 1, &bz), sheared(0, 2, &cz));
-        let (ay, by, cy) = (sheared(1, 0, &az), sheared(1, 1, &bz), sheared(1, 2, &cz));
+        let ([ax, bx, cx], [ay, by, cy], [az, bz, cz]) = (sheared(0), sheared(1), z);
         let (mut may, mut sure) = (0, 0);
         for k in 0..count {
             let u = bx[k] * cy[k] - by[k] * cx[k];
