@@ -1,68 +1,192 @@
-//! Seconds and rays of every stage of a bake, and of the whole.
+//! The stages of a bake one by one, and the whole of it: `cargo bench --bench stages [NAME] [-- --threads 1]`.
 //!
-//! `cargo bench --bench stages` bakes the fixtures named below on one page of 512² texels with all cores, several
-//! times, and prints the least seconds of each stage. Words after `--` are paths of glTF files to bake instead.
+//! Scenes are the fixtures at 512² and the quality `good`. Each stage gets what the stages before it made; only the stage
+//! itself is timed. The counter is texels or rays, so the table shows millions a second.
 
+use divan::Bencher;
+use divan::counter::ItemsCount;
+use lightkiln::atlas::{self, Atlas};
 use lightkiln::bake::{self, Run};
-use lightkiln::options::{BakeOptions, Quality};
-use lightkiln::progress::Stage;
-use lightkiln::report::Report;
+use lightkiln::direct::{self, Direct, EmitterList, Faint};
+use lightkiln::elements::{self, Elements, Lookup, Patches};
+use lightkiln::gather::{self, Bright, Surroundings};
+use lightkiln::options::{BakeOptions, ImportOptions, Quality};
+use lightkiln::plan;
+use lightkiln::progress::{Progress, Silent, Stage};
+use lightkiln::scene::{Scene, Sky};
+use lightkiln::solve::coarse::{Coarse, Sources, Surfaces, coarse};
+use lightkiln::transport::{Hit, OpaqueTracer, World};
+use lightkiln::units::{Irradiance, Radiosity};
+use lightkiln::{export, import, resolve};
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::sync::atomic::AtomicBool;
 
-/// Bakes of each scene; the least of each stage counts.
-const TURNS: usize = 3;
+/// Fixtures of opaque surfaces: one lamp, statues, sun and sky.
+const SCENES: [&str; 3] = ["cornell.glb", "corridor.glb", "window_room.glb"];
 
-const FIXTURES: [&str; 3] = ["cornell.glb", "window_room.glb", "leaves.glb"];
+static NEVER: AtomicBool = AtomicBool::new(false);
 
 fn main() {
-    let mut files: Vec<PathBuf> =
-        std::env::args().skip(1).filter(|a| !a.starts_with("--")).map(PathBuf::from).collect();
-    if files.is_empty() {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");
-        files = FIXTURES.iter().map(|name| folder.join(name)).collect();
-    }
-    println!("| scene | stage | seconds | rays | Mrays/s |\n| --- | --- | ---: | ---: | ---: |");
-    for file in files {
-        let reports: Vec<Report> = (0..TURNS).map(|_| bake(&file)).collect();
-        let scene = file.file_stem().unwrap_or_default().to_string_lossy();
-        for (k, stage) in reports[0].stages.iter().enumerate() {
-            let seconds = least(reports.iter().map(|report| report.stages[k].seconds));
-            print_row(&scene, name(stage.stage), seconds, stage.rays);
-        }
-        let rays = reports[0].stages.iter().map(|stage| stage.rays).sum();
-        print_row(&scene, "whole bake", least(reports.iter().map(|report| report.seconds_total)), rays);
-    }
+    divan::main();
 }
 
-fn bake(file: &Path) -> Report {
-    let folder = tempfile::tempdir().expect("a folder for the results");
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+fn options() -> BakeOptions {
     let mut options = BakeOptions { light: Quality::Good.light(), ..BakeOptions::default() };
     (options.atlas.page_size, options.atlas.max_pages) = (512, 1);
+    options
+}
+
+fn progress(stage: Stage) -> Progress<'static> {
+    Progress::begin(&Silent, &NEVER, stage, 1)
+}
+
+/// What a scene is before its light.
+struct Dark {
+    scene: Scene,
+    atlas: Atlas,
+    world: World,
+    elements: Elements,
+    emitters: EmitterList,
+    sky: Sky,
+}
+
+impl Dark {
+    fn new(name: &str) -> Self {
+        let (_, scene) =
+            import::load(&fixture(name), &ImportOptions::default()).expect("the fixture can be read");
+        let atlas = unwrap(&scene);
+        let world = World::new(&scene);
+        let elements = rasterise(&scene, &atlas, &world);
+        let (emitters, sky) = direct::collect(&scene);
+        Self { scene, atlas, world, elements, emitters, sky }
+    }
+
+    fn tracer(&self) -> OpaqueTracer<'_> {
+        OpaqueTracer::new(&self.world)
+    }
+
+    fn lit(&self) -> Direct {
+        let effort = options().light.direct;
+        direct::light(&self.elements, &self.emitters, &self.tracer(), &effort, &mut progress(Stage::Direct))
+    }
+
+    fn lookup(&self) -> Lookup<'_> {
+        Lookup::new(&self.scene, &self.atlas, &self.world, &self.elements)
+    }
+
+    fn patches(&self) -> Patches {
+        let patches = elements::patches(&self.elements, options().light.solve.patches);
+        elements::adapt(&self.elements, patches, &self.tracer()).0
+    }
+
+    fn solved(&self, lookup: &Lookup, patches: &Patches, direct: &Direct) -> Coarse {
+        let tracer = self.tracer();
+        let surfaces = Surfaces { elements: &self.elements, lookup, patches, tracer: &tracer };
+        let faint = Faint::new(&self.elements, &self.emitters, direct);
+        let sources =
+            Sources { direct, faint: faint.as_ref(), sky: |direction| self.sky.radiance(direction) };
+        let effort = options().light.solve;
+        coarse(&surfaces, &sources, &effort, u64::MAX, &mut progress(Stage::Solve)).expect("it can be solved")
+    }
+}
+
+fn unwrap(scene: &Scene) -> Atlas {
+    let sides = plan::plan(scene).sides;
+    atlas::unwrap(scene, &sides, &options().atlas, &mut progress(Stage::Atlas)).expect("it can be unwrapped")
+}
+
+fn rasterise(scene: &Scene, atlas: &Atlas, world: &World) -> Elements {
+    let tracer = OpaqueTracer::new(world);
+    elements::rasterise(scene, atlas, &tracer, &mut progress(Stage::Elements)).expect("it has elements").0
+}
+
+#[divan::bench(args = SCENES, sample_count = 5, sample_size = 1)]
+fn a_unwrap(bencher: Bencher, name: &str) {
+    let dark = Dark::new(name);
+    bencher.counter(ItemsCount::new(dark.elements.len())).bench_local(|| unwrap(&dark.scene));
+}
+
+#[divan::bench(args = SCENES, sample_count = 5, sample_size = 1)]
+fn b_tree(bencher: Bencher, name: &str) {
+    let dark = Dark::new(name);
+    bencher.counter(ItemsCount::new(dark.world.len())).bench_local(|| World::new(&dark.scene));
+}
+
+#[divan::bench(args = SCENES, sample_count = 5, sample_size = 1)]
+fn c_elements(bencher: Bencher, name: &str) {
+    let dark = Dark::new(name);
+    let texels = ItemsCount::new(dark.elements.len());
+    bencher.counter(texels).bench_local(|| rasterise(&dark.scene, &dark.atlas, &dark.world));
+}
+
+#[divan::bench(args = SCENES, sample_count = 5, sample_size = 1)]
+fn d_direct(bencher: Bencher, name: &str) {
+    let dark = Dark::new(name);
+    let rays = dark.lit().rays;
+    bencher.counter(ItemsCount::new(rays)).bench_local(|| dark.lit());
+}
+
+#[divan::bench(args = SCENES, sample_count = 5, sample_size = 1)]
+fn e_solve(bencher: Bencher, name: &str) {
+    let dark = Dark::new(name);
+    let (lookup, direct) = (dark.lookup(), dark.lit());
+    let patches = dark.patches();
+    let rays = dark.solved(&lookup, &patches, &direct).rays;
+    bencher.counter(ItemsCount::new(rays)).bench_local(|| dark.solved(&lookup, &dark.patches(), &direct));
+}
+
+#[divan::bench(args = SCENES, sample_count = 5, sample_size = 1)]
+fn f_gather(bencher: Bencher, name: &str) {
+    let dark = Dark::new(name);
+    let (lookup, direct, patches, tracer) = (dark.lookup(), dark.lit(), dark.patches(), dark.tracer());
+    let solved = dark.solved(&lookup, &patches, &direct);
+    let faint = Faint::new(&dark.elements, &dark.emitters, &direct);
+    let effort = options().light.gather;
+    let gather = || {
+        let smooth = gather::spread_over_elements(&dark.elements, &patches, &solved.irradiance);
+        let mut radiosity: Vec<Radiosity> = (0..dark.elements.len())
+            .map(|e| dark.elements.reflectance[e] * (direct.irradiance[e] + smooth[e]))
+            .collect();
+        let bright = Bright::take(&dark.elements, &patches, &mut radiosity, effort.rays);
+        let around = Surroundings {
+            tracer: &tracer,
+            radiosity: |hit: &Hit| lookup.element_at(hit).map_or(Radiosity::ZERO, |e| radiosity[e as usize]),
+            sky: &dark.sky,
+            faint: faint.as_ref(),
+            bright: bright.as_ref(),
+        };
+        gather::gather(&dark.elements, &direct, &smooth, &around, &effort, &mut progress(Stage::Gather))
+    };
+    let rays = gather().rays;
+    bencher.counter(ItemsCount::new(rays)).bench_local(gather);
+}
+
+#[divan::bench(args = SCENES, sample_count = 5, sample_size = 1)]
+fn g_resolve(bencher: Bencher, name: &str) {
+    let dark = Dark::new(name);
+    let light: Vec<Irradiance> = dark.lit().irradiance;
+    let store = export_options().store;
+    let resolve = || resolve::resolve(&dark.scene, &dark.elements, &dark.atlas, &light, store);
+    bencher.counter(ItemsCount::new(dark.elements.len())).bench_local(resolve);
+}
+
+fn export_options() -> lightkiln::options::ExportOptions {
+    options().export
+}
+
+/// From file to file.
+#[divan::bench(args = SCENES, sample_count = 5, sample_size = 1)]
+fn h_whole_bake(bencher: Bencher, name: &str) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut options = options();
     options.export.output = Some(folder.path().join("baked.glb"));
-    let start = Instant::now();
-    let clock = || start.elapsed().as_secs_f64();
-    bake::bake(file, &options, &Run { clock: &clock, ..Run::default() }).expect("the scene can be baked")
-}
-
-fn least(seconds: impl Iterator<Item = f64>) -> f64 {
-    seconds.fold(f64::INFINITY, f64::min)
-}
-
-/// Stages by what they do.
-fn name(stage: Stage) -> &'static str {
-    match stage {
-        Stage::Atlas => "unwrap",
-        Stage::Transport => "build the tree",
-        other => other.name(),
-    }
-}
-
-fn print_row(scene: &str, stage: &str, seconds: f64, rays: u64) {
-    print!("| {scene} | {stage} | {seconds:.3} |");
-    if rays > 0 {
-        println!(" {rays} | {:.2} |", rays as f64 / seconds / 1e6);
-    } else {
-        println!(" | |");
-    }
+    let input = fixture(name);
+    export::output_path(&input, &options.export).expect("a lawful output");
+    let bake = || bake::bake(&input, &options, &Run::default()).expect("it can be baked");
+    let texels = bake().atlas.texels;
+    bencher.counter(ItemsCount::new(texels)).bench_local(bake);
 }
