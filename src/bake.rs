@@ -232,17 +232,17 @@ fn shine<T: Tracer>(
     })?;
     let faint = Faint::new(&elements, &emitters, &direct);
     let lookup = Lookup::new(scene, &atlas, tracer.world(), &elements);
-    let (patches, adapt_rays) =
-        elements::adapt(&elements, elements::patches(&elements, effort.solve.patches), tracer);
-    let memory_bytes =
-        memory::left_for_form_factors(scene, &atlas, patches.len(), log.run.memory_limit_bytes);
-    let coarse = log.stage(Stage::Solve, u64::from(effort.solve.patches), |progress| {
+    let limit_bytes = log.run.memory_limit_bytes;
+    let (patches, coarse) = log.stage(Stage::Solve, u64::from(effort.solve.patches), |progress| {
+        let cells = elements::patches(&elements, effort.solve.patches);
+        let (patches, adapt_rays) = elements::adapt(&elements, cells, tracer);
         let surfaces = Surfaces { elements: &elements, lookup: &lookup, patches: &patches, tracer };
         let sky = |direction| sky.radiance(direction);
         let sources = Sources { direct: &direct, faint: faint.as_ref(), sky };
+        let memory_bytes = memory::left_for_form_factors(scene, &atlas, patches.len(), limit_bytes);
         let coarse = coarse(&surfaces, &sources, &effort.solve, memory_bytes, progress)?;
         let rays = coarse.rays + adapt_rays;
-        Ok((coarse, rays))
+        Ok(((patches, coarse), rays))
     })?;
     let indirect = log.stage(Stage::Gather, count, |progress| {
         let smooth = gather::spread_over_elements(&elements, &patches, &coarse.irradiance);

@@ -217,8 +217,8 @@ impl Quality {
             gather: GatherOptions { rays, tolerance, widest_cell },
         };
         match self {
-            Self::Draft => level(2, 16, [1000, 16], 128, 0.12, 16),
-            Self::Preview => level(4, 32, [2000, 16], 192, 0.08, 16),
+            Self::Draft => level(2, 16, [1000, 32], 128, 0.12, 16),
+            Self::Preview => level(4, 32, [2000, 32], 192, 0.08, 16),
             Self::Good => level(8, 64, [4000, 32], 256, 0.05, 16),
             Self::High => level(8, 128, [8000, 64], 1024, 0.02, 16),
             Self::Reference => level(16, 256, [16000, 64], 4096, 0.0, 16),

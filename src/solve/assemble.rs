@@ -50,19 +50,21 @@ enum Method<'a, T> {
 
 impl<'a, T: Tracer, S: Fn(Vec3) -> Radiance + Sync> Assembler<'a, T, S> {
     pub fn new(surfaces: &'a Surfaces<'a, T>, sky: &'a S, options: &SolveOptions) -> Self {
-        let pairs = || Pairs::new(surfaces, Facets::new(surfaces.elements, surfaces.patches));
+        let mean = options.rays_per_patch.clamp(1, 1 << 16).next_power_of_two();
+        let set_of = set_of(&surfaces.patches.area, mean);
+        let mean_set = mean.trailing_zeros() as u8;
+        let pairs = |wanted: &(dyn Fn(u32) -> bool + Sync)| {
+            Pairs::new(surfaces, Facets::new(surfaces.elements, surfaces.patches, wanted))
+        };
         let method = match options.form_factors {
             FormFactors::Ray => Method::Rays,
             FormFactors::Hemicube => Method::Hemicubes(Hemicube::new(RESOLUTION)),
-            FormFactors::Analytic => Method::Closed(pairs()),
-            FormFactors::Auto => Method::Mixed(pairs()),
+            FormFactors::Analytic => Method::Closed(pairs(&|_| true)),
+            FormFactors::Auto => Method::Mixed(pairs(&|patch| set_of[patch as usize] >= mean_set)),
         };
-        let mean = options.rays_per_patch.clamp(1, 1 << 16).next_power_of_two();
-        let set_of = set_of(&surfaces.patches.area, mean);
         let most = set_of.iter().copied().max().unwrap_or(0);
         let sets = (0..=most).map(|log| RaySet::new(1 << log)).collect();
         let area_up_to = area_up_to(surfaces.elements, surfaces.patches);
-        let mean_set = mean.trailing_zeros() as u8;
         Self { surfaces, sky, method, sets, area_up_to, set_of, mean_set, rays: AtomicU64::new(0) }
     }
 
@@ -140,7 +142,8 @@ impl<T: Tracer, S: Fn(Vec3) -> Radiance + Sync> RowSource for Assembler<'_, T, S
             }
             // Of small patches many fill the view that one large one would: their noise averages.
             Method::Mixed(pairs) if self.is_large(number) => {
-                self.ray_row(number, row) + pairs.replace_near(number, row)
+                let seen = self.ray_row(number, row);
+                seen + pairs.replace_near(number, seen, row)
             }
             Method::Mixed(_) => self.ray_row(number, row),
         };

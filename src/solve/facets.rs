@@ -6,7 +6,7 @@
 
 use crate::elements::{Elements, Patches};
 use crate::transport::form_factors::area::Polygon;
-use glam::{DVec2, DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -34,12 +34,15 @@ pub(super) struct Facets {
 }
 
 impl Facets {
-    pub fn new(elements: &Elements, patches: &Patches) -> Self {
+    /// Those of patches that are `wanted`; the others have none.
+    pub fn new(elements: &Elements, patches: &Patches, wanted: &(dyn Fn(u32) -> bool + Sync)) -> Self {
         let of_patch: Vec<Vec<Facet>> = (0..patches.len() as u32)
             .into_par_iter()
             .map(|patch| {
                 let mut pieces = Vec::with_capacity(1);
-                cover(elements, patches.elements_of(patch), &mut pieces);
+                if wanted(patch) {
+                    cover(elements, patches.elements_of(patch), &mut pieces);
+                }
                 pieces
             })
             .collect();
@@ -100,16 +103,11 @@ fn hull(elements: &Elements, members: &[u32]) -> Option<Facet> {
     let area: f64 = members.iter().map(|&e| f64::from(elements.area[e as usize].0)).sum();
     let position = |e: u32| elements.position_world[e as usize].as_dvec3();
     let middle = members.iter().map(|&e| position(e)).sum::<DVec3>() / members.len() as f64;
-    let mut points = Vec::with_capacity(4 * members.len());
-    for &e in members {
-        let sides =
-            [elements.half_u_world[e as usize], elements.half_v_world[e as usize]].map(|s| s.as_dvec3());
-        for (a, b) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
-            let at = position(e) + sides[0] * a + sides[1] * b - middle;
-            points.push(DVec2::new(at.dot(u), at.dot(v)));
-        }
-    }
-    let mut corners = convex_hull(points);
+    let mut corners = outermost(members.iter().map(|&e| {
+        let flat = |side: DVec3| DVec2::new(side.dot(u), side.dot(v));
+        let [s, t] = [elements.half_u_world[e as usize], elements.half_v_world[e as usize]];
+        [flat(position(e) - middle), flat(s.as_dvec3()), flat(t.as_dvec3())]
+    }));
     let mut enclosed = doubled_area(&corners) / 2.0;
     if !(enclosed > 1e-3 * area) {
         // Slivers have no extent of their own: a square stands for each.
@@ -139,29 +137,41 @@ fn hull(elements: &Elements, members: &[u32]) -> Option<Facet> {
     Some(Facet { polygon: Polygon::new(corners)?, centre, radius })
 }
 
-/// Counter-clockwise, without points on edges (Andrew 1979).
-fn convex_hull(mut points: Vec<DVec2>) -> Vec<DVec2> {
-    points.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-    points.dedup();
-    let mut hull: Vec<DVec2> = Vec::with_capacity(16);
-    let half = |points: &mut dyn Iterator<Item = DVec2>, hull: &mut Vec<DVec2>| {
-        let base = hull.len();
-        for point in points {
-            while hull.len() >= base + 2 {
-                let (a, b) = (hull[hull.len() - 2], hull[hull.len() - 1]);
-                if (b - a).perp_dot(point - a) > 0.0 {
-                    break;
-                }
-                hull.pop();
-            }
-            hull.push(point);
+/// The corners of parallelograms (middle and two half sides) that lie farthest out in evenly spread directions,
+/// counter-clockwise: the hull, but for corners of less than 22.5°.
+fn outermost(parallelograms: impl Iterator<Item = [DVec2; 3]> + Clone) -> Vec<DVec2> {
+    const DIRECTIONS: usize = 16;
+    let directions: [DVec2; DIRECTIONS] = std::array::from_fn(|k| {
+        // Not along the axes: there whole edges lie equally far out.
+        DVec2::from_angle((k as f64 + 0.4) / DIRECTIONS as f64 * std::f64::consts::TAU)
+    });
+    let (x, y) = (directions.map(|d| d.x as f32), directions.map(|d| d.y as f32));
+    let mut farthest = [(f32::NEG_INFINITY, 0u32); DIRECTIONS];
+    for (index, parallelogram) in (0..).zip(parallelograms.clone()) {
+        let [middle, s, t] = parallelogram.map(|at| at.as_vec2());
+        // All directions side by side.
+        let mut reach = [0.0f32; DIRECTIONS];
+        for k in 0..DIRECTIONS {
+            let along = |at: Vec2| at.x * x[k] + at.y * y[k];
+            reach[k] = along(middle) + along(s).abs() + along(t).abs();
         }
-        // The last is the other half's first.
-        hull.pop();
-    };
-    half(&mut points.iter().copied(), &mut hull);
-    half(&mut points.iter().rev().copied(), &mut hull);
-    hull
+        for k in 0..DIRECTIONS {
+            if reach[k] > farthest[k].0 {
+                farthest[k] = (reach[k], index);
+            }
+        }
+    }
+    let mut corners = Vec::with_capacity(DIRECTIONS);
+    for (direction, (_, index)) in directions.iter().zip(farthest) {
+        if let Some([middle, s, t]) = parallelograms.clone().nth(index as usize) {
+            corners.push(middle + s * s.dot(*direction).signum() + t * t.dot(*direction).signum());
+        }
+    }
+    corners.dedup();
+    if corners.len() > 1 && corners[0] == corners[corners.len() - 1] {
+        corners.pop();
+    }
+    corners
 }
 
 fn doubled_area(corners: &[DVec2]) -> f64 {
@@ -232,14 +242,14 @@ mod tests {
         }
     }
 
-    /// A corner cut off at 45° is a hull; an L is two rectangles at least.
+    /// A corner cut off at 45° is a hull; an L with thin arms is two rectangles at least.
     #[test]
     fn what_is_not_convex_is_cut() {
         let flat = |s: f32, t: f32| (Vec3::new(s, 0.0, t), Vec3::NEG_Y);
         let cut = covered(&grid(16, flat, |x, y| x + y < 24));
         assert!(cut.iter().all(|facet| facet.polygon.corners().len() <= MOST_CORNERS));
         assert!(cut[0].polygon.normal().y < -0.999_999);
-        assert!(covered(&grid(8, flat, |x, y| x < 4 || y < 4)).len() > 1);
+        assert!(covered(&grid(8, flat, |x, y| x < 2 || y < 2)).len() > 1);
     }
 
     #[test]

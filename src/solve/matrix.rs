@@ -180,9 +180,10 @@ fn finished<R: RowSource>(
     }
     let unshot_power = weighted_sum_abs(area, &residual).element_sum();
     let emitted = problem.emitted().element_sum();
-    let sums: Vec<f64> = promised.iter().zip(area).map(|(promised, area)| promised / area).collect();
+    let sums = promised.iter().zip(area).map(|(promised, area)| promised / area);
+    let gather = |left: &[Rgb]| matrix.times(left);
     Solution {
-        error_bound: bound::by_largest(area, problem.reflectance(), &sums, &residual),
+        error_bound: bound::remaining_power(area, problem.reflectance(), sums, &residual, gather),
         // B = s + ρE, with the last residual, as the progressive solver has it.
         radiosity: radiosity.iter().zip(&residual).map(|(&b, &r)| b + r).collect(),
         received,

@@ -17,11 +17,14 @@ const FAR_RADII: f64 = 4.0;
 const LOOKS: [(f64, u32); 2] = [(1e-3, 1), (1e-2, 4)];
 const MOST_LOOKS: u32 = 16;
 
-/// Patches that are this near, in radii of both together, are taken out of a sampled row: there the form factor is
-/// 1/20 and more, and 64 rays know it to 20 % and worse.
+/// Patches that are this near, in radii of both together, may be taken out of a sampled row: form factors are 1/20 and
+/// more there, and 64 rays know them to 20 % and worse.
 const NEAR_RADII: f64 = 1.0;
 /// Points of each of two near patches that must all see each other.
-const NEAR_LOOKS: u32 = 4;
+const NEAR_LOOKS: u32 = 8;
+/// Standard deviations by which the rays of a row may differ from a closed form that takes their place. Where they
+/// differ more, something stands in between that no look has met.
+const DEVIATIONS: f64 = 2.0;
 
 /// The pairs of all patches.
 pub(super) struct Pairs<'a, T> {
@@ -42,7 +45,7 @@ impl<'a, T: Tracer> Pairs<'a, T> {
     /// √(s(1 − s)) rays^(−5/8), of the share s of rays that landed on patches.
     pub fn replace_all(&self, patch: u32, rays_in_row: u64, row: &mut Row) -> u64 {
         let share = row.weight.iter().sum::<f64>().min(1.0);
-        let deviation = (share * (1.0 - share)).sqrt() * (rays_in_row.max(1) as f64).powf(-0.625);
+        let deviation = deviation(share, rays_in_row);
         row.column.clear();
         row.weight.clear();
         let (mut rays, mut sum) = (0, 0.0);
@@ -70,9 +73,9 @@ impl<'a, T: Tracer> Pairs<'a, T> {
         rays
     }
 
-    /// Puts closed forms in the place of the sampled factors to flat patches that are near and wholly visible, and
-    /// scales the others so that the sum stays; returns the rays that took.
-    pub fn replace_near(&self, patch: u32, row: &mut Row) -> u64 {
+    /// Puts closed forms in the place of the sampled factors between patches of one facet that are near and wholly
+    /// visible to each other, and scales the others so that the sum stays; returns the rays that took.
+    pub fn replace_near(&self, patch: u32, rays_in_row: u64, row: &mut Row) -> u64 {
         let [own] = self.facets.of(patch) else { return 0 };
         let (mut rays, mut closed, mut sampled) = (0, 0.0, 0.0);
         let mut found: Vec<(usize, f64)> = Vec::new();
@@ -86,7 +89,8 @@ impl<'a, T: Tracer> Pairs<'a, T> {
                 continue;
             }
             let factor = exchange(own, facet) / own.polygon.area();
-            if factor > 0.0 {
+            let allowed = DEVIATIONS * deviation(factor, rays_in_row);
+            if factor > 0.0 && (factor - row.weight[at]).abs() <= allowed {
                 found.push((at, factor));
                 closed += factor;
                 sampled += row.weight[at];
@@ -160,6 +164,12 @@ impl<'a, T: Tracer> Pairs<'a, T> {
         let through = self.surfaces.tracer.transmittance(&ray).element_sum() / 3.0;
         (f64::from(leaving * arriving / (spread * spread)), f64::from(through))
     }
+}
+
+/// Standard deviation of the share of a row's rays that land somewhere. Hits are the indicator of a region of the
+/// four-dimensional cube; for those, that of scrambled nets falls as N^(−1/2 − 1/(2·4)), from √(F(1 − F)) at one ray on.
+fn deviation(factor: f64, rays: u64) -> f64 {
+    (factor * (1.0 - factor)).max(0.0).sqrt() * (rays.max(1) as f64).powf(-0.625)
 }
 
 /// A₁F₁₂ of two facets with nothing in between, m²; the same in both directions up to the order of sums.

@@ -44,6 +44,13 @@ impl<'p> Kept<'p> {
         let arriving = (0..problem.len()).map(|patch| problem.rows().sum(patch)).collect();
         (Self { problem, columns, arriving }, Components::of_rows(problem))
     }
+
+    /// Σ_j F_ij b_j.
+    fn received(&self, patch: usize, radiosity: &[Rgb]) -> Rgb {
+        let (column, weight) = self.problem.rows().patch(patch);
+        let terms = column.iter().zip(weight);
+        terms.map(|(&j, &weight)| radiosity[j as usize] * f64::from(weight)).sum()
+    }
 }
 
 impl<'p, R: RowSource> Remade<'p, R> {
@@ -65,19 +72,15 @@ impl Transfer for Kept<'_> {
     }
 
     fn gather(&self, patches: Range<usize>, radiosity: &[Rgb]) -> Vec<(Rgb, f64)> {
-        let rows = self.problem.rows();
-        patches
-            .map(|patch| {
-                let (column, weight) = rows.patch(patch);
-                let terms = column.iter().zip(weight);
-                let sum = terms.map(|(&j, &weight)| radiosity[j as usize] * f64::from(weight)).sum();
-                (sum, self.arriving[patch])
-            })
-            .collect()
+        patches.map(|patch| (self.received(patch, radiosity), self.arriving[patch])).collect()
     }
 
     fn error_bound(&self, unshot: &[Rgb]) -> Rgb {
-        bound::remaining_power(self.problem, &self.columns, unshot)
+        let (area, reflectance) = (self.problem.area(), self.problem.reflectance());
+        bound::remaining_power(area, reflectance, self.arriving.iter().copied(), unshot, |left| {
+            let received = |patch| self.received(patch, left);
+            (0..left.len()).into_par_iter().with_min_len(256).map(received).collect()
+        })
     }
 }
 
