@@ -1,7 +1,7 @@
 //! Scenes and rays, from a fixed sequence.
 
 use glam::{DVec3, Vec3};
-use lightkiln::transport::{Ray, World, segment};
+use lightkiln::transport::{Ray, World, segment_to_surface};
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -18,7 +18,7 @@ pub enum RayKind {
     Scattered,
     /// Sixty-four from each point.
     Gathered,
-    /// Between two surface points, any hit.
+    /// Between two surface points, any hit, as the direct light asks.
     Shadow,
 }
 
@@ -56,18 +56,23 @@ impl Setting {
             }
             let normal = world.normal(triangle);
             if normal != Vec3::ZERO {
-                return (world.offset_origin(triangle, a + (b - a) * u + (c - a) * v, normal), normal);
+                return (triangle, a + (b - a) * u + (c - a) * v, normal);
             }
         };
         let mut rays = Vec::with_capacity(RAYS);
         while rays.len() < RAYS {
-            let (origin, normal) = point(&mut random);
+            let (triangle, position, normal) = point(&mut random);
+            let origin = world.offset_origin(triangle, position, normal);
             match kind {
                 RayKind::Scattered => rays.push(Ray::unbounded(origin, random.cosine(normal))),
                 RayKind::Gathered => {
                     rays.extend((0..64).map(|_| Ray::unbounded(origin, random.cosine(normal))));
                 }
-                RayKind::Shadow => rays.push(segment(origin, point(&mut random).0)),
+                RayKind::Shadow => {
+                    let (other, end, normal) = point(&mut random);
+                    let toward = normal * normal.dot(origin - end).signum();
+                    rays.push(segment_to_surface(origin, end, toward, &world.corners(other)));
+                }
             }
         }
         rays
