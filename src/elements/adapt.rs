@@ -146,12 +146,11 @@ fn quarters(elements: &Elements, members: &[u32]) -> Vec<Vec<u32>> {
         low + (high - low).div_ceil(2)
     };
     let (x, y) = (middle(|texel| texel.x), middle(|texel| texel.y));
-    let mut quarters = vec![Vec::with_capacity(members.len() / 4 + 1); 4];
+    let mut quarters: [Vec<u32>; 4] = std::array::from_fn(|_| Vec::with_capacity(members.len() / 4 + 1));
     for &e in members {
         quarters[usize::from(texel(&e).x >= x) + 2 * usize::from(texel(&e).y >= y)].push(e);
     }
-    quarters.retain(|quarter| !quarter.is_empty());
-    quarters
+    quarters.into_iter().filter(|quarter| !quarter.is_empty()).collect()
 }
 
 /// Puts the parts of every patch in its place.

@@ -109,7 +109,7 @@ fn hull(elements: &Elements, members: &[u32]) -> Option<Facet> {
         [flat(position(e) - middle), flat(s.as_dvec3()), flat(t.as_dvec3())]
     }));
     let mut enclosed = doubled_area(&corners) / 2.0;
-    if !(enclosed > 1e-3 * area) {
+    if enclosed.is_nan() || enclosed <= 1e-3 * area {
         // Slivers have no extent of their own: a square stands for each.
         if members.len() > 1 {
             return None;

@@ -139,7 +139,7 @@ impl<'a> Leaf<'a> {
 
     #[inline(always)]
     fn block_of(&self, start: usize, count: usize) -> Block<'a> {
-        debug_assert!(start % LANES == 0 && start + count <= self.count);
+        debug_assert!(start.is_multiple_of(LANES) && start + count <= self.count);
         // SAFETY: records of the leaf.
         Block { words: unsafe { self.words.get_unchecked(start * RECORD..(start + count) * RECORD) }, count }
     }

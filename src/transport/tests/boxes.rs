@@ -40,14 +40,14 @@ fn node_over(corners: &[[Vec3; 3]]) -> Node {
 
 /// A ray to a corner or a point of an edge, from near and far, a quarter of them almost along a plane of two axes.
 fn ray_to(random: &mut Random, [a, b, _]: [Vec3; 3], scale: f32) -> Ray {
-    let target = if random.bits() % 2 == 0 { a } else { a + (b - a) * random.unit() };
+    let target = if random.bits().is_multiple_of(2) { a } else { a + (b - a) * random.unit() };
     let mut toward = random.direction();
-    if random.bits() % 4 == 0 {
+    if random.bits().is_multiple_of(4) {
         toward[random.bits() as usize % 3] *= [0.0, 1e-9, 1e-7, 1e-6, 1e-5][random.bits() as usize % 5];
     }
     let from_afar = target - toward * (scale * 10.0f32.powf(3.0 * random.unit() - 2.0));
     // At the world's origin no rounding of the origin's coordinates hides what the boxes lack.
-    let origin = if random.bits() % 2 == 0 { random.cube() * 1e-6 * scale } else { from_afar };
+    let origin = if random.bits().is_multiple_of(2) { random.cube() * 1e-6 * scale } else { from_afar };
     Ray::unbounded(origin, (target - origin).as_dvec3().normalize().as_vec3())
 }
 

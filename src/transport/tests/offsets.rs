@@ -40,7 +40,7 @@ fn a_ray_that_leaves_a_surface_does_not_meet_it() {
             let (triangle, position, normal) = point(&mut random, &world);
             let mut direction = random.direction();
             // Half of them graze: up to a thousandth above the plane.
-            if random.bits() % 2 == 0 {
+            if random.bits().is_multiple_of(2) {
                 direction =
                     (direction - normal * direction.dot(normal) + normal * 1e-3 * random.unit()).normalize();
             }

@@ -15,11 +15,11 @@ fn bits(hit: Option<Hit>) -> Option<[u32; 5]> {
 fn random_ray(random: &mut Random, scale: f32) -> Ray {
     let origin = random.cube() * 1.5 * scale;
     let mut direction = random.direction();
-    if random.bits() % 4 == 0 {
+    if random.bits().is_multiple_of(4) {
         direction[random.bits() as usize % 3] = [0.0, -0.0, 1e-20, -1e-9][random.bits() as usize % 4];
         direction = direction.normalize();
     }
-    let t_max = if random.bits() % 2 == 0 { f32::INFINITY } else { random.unit() * 3.0 * scale };
+    let t_max = if random.bits().is_multiple_of(2) { f32::INFINITY } else { random.unit() * 3.0 * scale };
     Ray { origin, direction, t_max }
 }
 
@@ -37,10 +37,10 @@ fn all_processors_give_the_same_bits() {
         let mut portable = best.clone();
         portable.processor = Processor::Portable;
         // Lets two of three rays pass, by a rule that looks at the whole hit.
-        let solid = |hit: &Hit| (hit.t.to_bits() ^ hit.u.to_bits()) % 3 == 0;
+        let solid = |hit: &Hit| (hit.t.to_bits() ^ hit.u.to_bits()).is_multiple_of(3);
         for _ in 0..4000 {
             let ray = random_ray(&mut random, scale);
-            let t_min = if random.bits() % 2 == 0 { 0.0 } else { random.unit() * scale };
+            let t_min = if random.bits().is_multiple_of(2) { 0.0 } else { random.unit() * scale };
             let closest = |tree: &Tree| {
                 (bits(tree.closest(&ray, t_min, Solid)), bits(tree.closest(&ray, t_min, Ask(solid))))
             };

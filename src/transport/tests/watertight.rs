@@ -25,7 +25,7 @@ fn leaks(world: &World, random: &mut Random, middle: Vec3, inner: f32, count: us
     for _ in 0..count {
         let corners = world.corners(random.bits() % world.len() as u32);
         let origin = middle + random.cube() * inner;
-        let ray = if random.bits() % 8 == 0 {
+        let ray = if random.bits().is_multiple_of(8) {
             // From the plane through the middle, where the corner is above it.
             let axis = random.bits() as usize % 3;
             let mut origin = corners[0];
