@@ -42,13 +42,6 @@ fn what_is_interpolated_is_what_would_have_been_gathered() {
         let at = |share: f32| errors[((errors.len() - 1) as f32 * share) as usize];
         let bias = elements.iter().map(|&e| of(&adaptive, e) - of(&strict, e)).sum::<f32>()
             / (mean * elements.len() as f32);
-        println!(
-            "{fixture}: median {} 95 % {} 99 % {} largest {} bias {bias}",
-            at(0.5),
-            at(0.95),
-            at(0.99),
-            at(1.0)
-        );
         // The tolerance is a share of the light at the cell's middle; an element at its rim may be darker by 30 %.
         let tolerance = 1.5 * tolerance;
         assert!(at(0.95) <= tolerance, "{fixture}: {} at 95 %", at(0.95));

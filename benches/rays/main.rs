@@ -5,6 +5,8 @@
 //! single-ray queries on the same triangles, by turns in the same run, and the ratios are printed; "robust" is
 //! Embree's mode for closed meshes. Words after `--` choose scenes by name; the path of a glTF file adds it as a scene.
 
+#![allow(clippy::print_stdout)] // Its table is what it is for.
+
 mod embree;
 mod scenes;
 

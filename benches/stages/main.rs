@@ -96,7 +96,7 @@ impl Dark {
 
 fn unwrap(scene: &Scene) -> Atlas {
     let sides = plan::plan(scene).sides;
-    atlas::unwrap(scene, &sides, &options().atlas, &mut progress(Stage::Atlas)).expect("it can be unwrapped")
+    atlas::unwrap(scene, &sides, &options().atlas, &progress(Stage::Atlas)).expect("it can be unwrapped")
 }
 
 fn rasterise(scene: &Scene, atlas: &Atlas, world: &World) -> Elements {
