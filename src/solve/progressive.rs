@@ -267,6 +267,17 @@ impl<'p, T: Transfer> Progressive<'p, T> {
         radiosity
     }
 
+    /// The solution so far with the ambient estimate of what is missing: what a caller who stops early is given (Cohen,
+    /// Chen, Wallace & Greenberg 1988, section 5). The ledger and the bound are those of what was distributed.
+    pub fn estimate(&self) -> Solution {
+        let mut solution = self.solution();
+        solution.radiosity = self.display();
+        for (received, &set) in solution.received.iter_mut().zip(&self.components.of) {
+            *received += self.components.ambient(set as usize, self.unshot_in[set as usize]);
+        }
+        solution
+    }
+
     /// Where the energy is now.
     pub fn ledger(&self) -> Ledger {
         let absorbed = |i: usize| (1.0 - self.reflectance[i]) * self.received[i] * self.area[i];
