@@ -17,6 +17,7 @@ pub mod error;
 pub mod options;
 pub mod progress;
 pub mod sampling;
+pub mod text;
 pub mod units;
 
 pub mod scene;
@@ -41,5 +42,6 @@ pub mod check;
 pub mod bake;
 mod memory;
 pub mod report;
+pub mod study;
 
 pub use error::{Error, Result, Warning};

@@ -8,16 +8,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
 /// What every module may name.
-const COMMON: [&str; 5] = ["error", "units", "options", "progress", "sampling"];
+const COMMON: [&str; 6] = ["error", "units", "options", "progress", "sampling", "text"];
 
 /// Which module may name which others, besides [`COMMON`]. A stage never names a later one. A file may have a row of
 /// its own, which then counts instead of its module's.
-const MAY_NAME: [(&str, &[&str]); 29] = [
+const MAY_NAME: [(&str, &[&str]); 30] = [
     ("error", &[]),
     ("units", &[]),
     ("options", &[]),
     ("progress", &[]),
     ("sampling", &[]),
+    ("text", &[]),
     ("scene", &[]),
     ("import", &["scene"]),
     ("plan", &["scene"]),
@@ -48,19 +49,23 @@ const MAY_NAME: [(&str, &[&str]); 29] = [
 const STAGES: &str = "stages";
 
 /// Where a foreign crate may be named: folders and files of `src`.
-const HOMES: [(&str, &[&str]); 14] = [
-    ("base64", &["import/", "export/"]),
+const HOMES: [(&str, &[&str]); 18] = [
+    ("base64", &["import/", "export/", "study/page.rs"]),
     ("clap", &["cli/", "main.rs"]),
+    ("comfy_table", &["study/sheet.rs"]),
+    ("csv", &["study/sheet.rs"]),
     ("ctrlc", &["cli/"]),
     ("draco_gltf", &["import/"]),
     ("exr", &["export/exr.rs", "import/sky_image.rs"]),
     ("gltf", &["import/", "export/"]),
     ("image", &["import/", "export/"]),
     ("indicatif", &["cli/"]),
+    ("maud", &["study/page.rs"]),
     ("obvhs", &["transport/build.rs"]),
     ("percent_encoding", &["import/", "export/"]),
+    ("plotly", &["study/page.rs"]),
     ("sobol_burley", &["sampling.rs"]),
-    ("tempfile", &["export/"]),
+    ("tempfile", &["export/", "study/tests.rs"]),
     ("uvunwrap", &["atlas/"]),
     ("xatlas_rs_v2", &["atlas/"]),
 ];

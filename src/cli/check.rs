@@ -2,12 +2,12 @@
 
 use super::failure;
 use super::render::{SceneArgs, ViewArgs};
-use super::text::{count, percent, plural, printable, significant};
 use super::values;
 use clap::Args;
 use lightkiln::bake::in_pool;
 use lightkiln::check::{self, Findings, ObjectReport};
 use lightkiln::options::RenderOptions;
+use lightkiln::text::{count, percent, plural, printable, significant};
 use lightkiln::{Error, Result, baked, export};
 use std::fmt::Write as _;
 use std::io::Write as _;

@@ -1,8 +1,8 @@
 //! How a run that fails ends: what is said, and with which exit code.
 
-use super::text::printable;
 use super::values::has_extension;
 use lightkiln::Error;
+use lightkiln::text::printable;
 use std::backtrace::Backtrace;
 use std::io::{ErrorKind, Write as _};
 use std::panic::{AssertUnwindSafe, PanicHookInfo};

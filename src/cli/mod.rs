@@ -15,5 +15,4 @@ mod memory;
 mod progress;
 pub mod render;
 mod summary;
-mod text;
 mod values;

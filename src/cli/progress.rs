@@ -2,10 +2,10 @@
 
 use super::estimate::Estimate;
 use super::failure::say;
-use super::text;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lightkiln::options::LightOptions;
 use lightkiln::progress::{Observer, Stage};
+use lightkiln::text;
 use std::io::IsTerminal as _;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};

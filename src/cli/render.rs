@@ -1,12 +1,12 @@
 //! `lightkiln render`.
 
 use super::failure;
-use super::text::printable;
 use super::values::{self, Pick, Sky};
 use clap::Args;
 use lightkiln::bake::in_pool;
 use lightkiln::options::{Exposure, ImportOptions, LampUnits, RenderOptions, Tone, View};
 use lightkiln::render::Picture;
+use lightkiln::text::printable;
 use lightkiln::{Result, baked, export, render};
 use std::path::PathBuf;
 use std::process::ExitCode;

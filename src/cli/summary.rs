@@ -1,11 +1,11 @@
 //! A report as people read it.
 
 use super::progress::Verbosity;
-use super::text::{bytes, count, duration, percent, plural, printable, significant};
 use super::values::Named as _;
 use lightkiln::Warning;
 use lightkiln::options::LampUnits;
 use lightkiln::report::{EnergyReport, Report};
+use lightkiln::text::{bytes, count, duration, percent, plural, printable, significant};
 use std::fmt::Write as _;
 
 /// Warnings that are shown unless everything is.

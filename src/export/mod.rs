@@ -69,6 +69,15 @@ pub fn output_path(input: &Path, options: &ExportOptions) -> Result<PathBuf> {
     Ok(target.path)
 }
 
+/// Writes files that are not a bake's, all or none; returns their names.
+pub fn write_all(files: Vec<(PathBuf, Vec<u8>)>) -> Result<Vec<PathBuf>> {
+    let mut batch = Batch::new([]);
+    for (path, bytes) in &files {
+        batch.add(path, &[bytes])?;
+    }
+    batch.commit()
+}
+
 /// Writes the baked glTF with its pages, and the preview if one is wanted.
 ///
 /// `lightmap` holds the exported pages in the stored unit. `radiance` holds the same pages as outgoing radiance

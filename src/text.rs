@@ -1,4 +1,4 @@
-//! Numbers and names as people read them.
+//! Numbers and names as people read them, on a screen and in a page.
 
 use std::fmt::Write as _;
 
