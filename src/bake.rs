@@ -1,20 +1,22 @@
 //! The straight line, in one screen: one call a stage, plain data in, plain data out.
 
+mod reflect;
+
 use crate::atlas::{self, Atlas};
 use crate::direct::{self, Faint};
 use crate::elements::{self, Elements, Lookup};
 use crate::error::{Error, Result, Warning};
 use crate::export::{self, Metadata};
-use crate::gather::{self, Bright, Surroundings};
 use crate::options::{BakeOptions, ImportOptions, LightPart, RenderOptions, Store};
-use crate::plan::{self, Plan};
+use crate::plan::{self, Plan, Wanted};
 use crate::progress::{Observer, Progress, Silent, Stage};
 use crate::report::{self, AtlasReport, EnergyReport, LightReport, Report, StageReport};
 use crate::scene::Scene;
-use crate::solve::coarse::{Sources, Surfaces, coarse};
-use crate::transport::{Hit, Tracer, World};
-use crate::units::{Irradiance, Radiosity};
+use crate::transport::{AnyTracer, Blocking, Tracer, World};
+use crate::units::Irradiance;
 use crate::{baked, import, memory, render, resolve, with_tracer};
+use glam::Vec3;
+use reflect::{Around, Reflected, Straight};
 use std::f32::consts::PI;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -62,6 +64,8 @@ pub struct Lit {
     pub direct: Vec<Irradiance>,
     /// All other irradiance, sky included, one row an element.
     pub indirect: Vec<Irradiance>,
+    /// The part of `indirect` that no surface reflected; only where not all light is stored.
+    pub sky: Option<Vec<Irradiance>>,
     /// What was thought before the light stages that the bake would take, bytes.
     pub predicted_memory_bytes: u64,
     /// What each stage cost.
@@ -96,10 +100,16 @@ impl Lit {
     }
 
     fn part(&self, part: LightPart) -> Vec<Irradiance> {
-        match part {
-            LightPart::Full => (0..self.elements.len()).map(|e| self.irradiance(e)).collect(),
-            LightPart::Direct => self.direct.clone(),
-            LightPart::Indirect => self.indirect.clone(),
+        let all = 0..self.elements.len();
+        match (part, &self.sky) {
+            (LightPart::Full, _) => all.map(|e| self.irradiance(e)).collect(),
+            (LightPart::Direct, None) => self.direct.clone(),
+            (LightPart::Direct, Some(sky)) => all.map(|e| self.direct[e] + sky[e]).collect(),
+            (LightPart::Indirect, None) => self.indirect.clone(),
+            // Interpolated each on its own, the two may differ by their error where nothing is reflected.
+            (LightPart::Indirect, Some(sky)) => {
+                all.map(|e| Irradiance((self.indirect[e].0 - sky[e].0).max(Vec3::ZERO))).collect()
+            }
         }
     }
 }
@@ -196,7 +206,11 @@ pub fn light(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Lit> {
 }
 
 fn light_into(scene: &Scene, options: &BakeOptions, log: &mut Log) -> Result<Lit> {
-    let plan = log.stage(Stage::Plan, 1, |_| Ok((plan::plan(scene), 0)))?;
+    let wanted = Wanted {
+        forced: options.effects.clone(),
+        direct_alone: options.export.light == LightPart::Direct && options.export.preview.is_none(),
+    };
+    let plan = log.stage(Stage::Plan, 1, |_| Ok((plan::plan(scene, &wanted), 0)))?;
     let geometries = scene.geometries.len() as u64;
     let atlas = log.stage(Stage::Atlas, geometries, |progress| {
         Ok((atlas::unwrap(scene, &plan.sides, &options.atlas, progress)?, 0))
@@ -204,7 +218,9 @@ fn light_into(scene: &Scene, options: &BakeOptions, log: &mut Log) -> Result<Lit
     let predicted_memory_bytes =
         memory::check(scene, &atlas, options.light.solve.patches, log.run.memory_limit_bytes)?;
     let world = log.stage(Stage::Transport, 1, |_| Ok((World::new(scene), 0)))?;
-    let lit = with_tracer!(world.tracer(scene), tracer => shine(scene, plan, atlas, tracer, options, log))?;
+    let blocking = if plan.work.tinted { Blocking::Tinted } else { world.blocking() };
+    let tracer = AnyTracer::new(blocking, &world, scene);
+    let lit = with_tracer!(tracer, tracer => shine(scene, plan, atlas, tracer, options, log))?;
     Ok(Lit { predicted_memory_bytes, ..lit })
 }
 
@@ -224,66 +240,45 @@ fn shine<T: Tracer>(
         Ok(((elements, noticed), rays))
     })?;
     let count = elements.len() as u64;
-    let (emitters, sky) = direct::collect(scene);
+    let (emitters, sky) = direct::collect(scene, &plan);
     let direct = log.stage(Stage::Direct, count, |progress| {
-        let direct = direct::light(&elements, &emitters, tracer, &effort.direct, progress);
+        let direct = direct::light(&elements, &emitters, &plan, tracer, &effort.direct, progress);
         let rays = direct.rays;
         Ok((direct, rays))
     })?;
     let faint = Faint::new(&elements, &emitters, &direct);
-    let lookup = Lookup::new(scene, &atlas, tracer.world(), &elements);
-    let limit_bytes = log.run.memory_limit_bytes;
-    let (patches, coarse) = log.stage(Stage::Solve, u64::from(effort.solve.patches), |progress| {
-        let cells = elements::patches(&elements, effort.solve.patches);
-        let (patches, adapt_rays) = elements::adapt(&elements, cells, tracer);
-        let surfaces = Surfaces { elements: &elements, lookup: &lookup, patches: &patches, tracer };
-        let sky = |direction| sky.radiance(direction);
-        let sources = Sources { direct: &direct, faint: faint.as_ref(), sky };
-        let memory_bytes = memory::left_for_form_factors(scene, &atlas, patches.len(), limit_bytes);
-        let coarse = coarse(&surfaces, &sources, &effort.solve, memory_bytes, progress)?;
-        let rays = coarse.rays + adapt_rays;
-        Ok(((patches, coarse), rays))
-    })?;
-    let indirect = log.stage(Stage::Gather, count, |progress| {
-        let smooth = gather::spread_over_elements(&elements, &patches, &coarse.irradiance);
-        let mut radiosity: Vec<Radiosity> = (0..elements.len())
-            .map(|e| elements.reflectance[e] * (direct.irradiance[e] + smooth[e]))
-            .collect();
-        let bright = Bright::take(&elements, &patches, &mut radiosity, effort.gather.rays);
-        let around = Surroundings {
-            tracer,
-            radiosity: |hit: &Hit| lookup.element_at(hit).map_or(Radiosity::ZERO, |e| radiosity[e as usize]),
-            sky: &sky,
-            faint: faint.as_ref(),
-            bright: bright.as_ref(),
-        };
-        let indirect = gather::gather(&elements, &direct, &smooth, &around, &effort.gather, progress);
-        let rays = indirect.rays;
-        Ok((indirect, rays))
-    })?;
+    let lit = if plan.work.gather || faint.is_some() {
+        let lookup = Lookup::new(scene, &atlas, tracer.world(), &elements);
+        let around =
+            Around { scene, plan: &plan, atlas: &atlas, elements: &elements, lookup: &lookup, tracer };
+        let from = Straight { direct: &direct, faint: faint.as_ref(), sky: &sky };
+        around.reflect(&from, effort, options.export.light != LightPart::Full, log)?
+    } else {
+        Reflected::nothing(elements.len())
+    };
     let light = LightReport {
-        patches: patches.len() as u64,
-        shots: coarse.shots,
-        sweeps: coarse.sweeps,
-        form_factors: coarse.form_factors,
+        patches: lit.patches as u64,
+        shots: lit.coarse.shots,
+        sweeps: lit.coarse.sweeps,
+        form_factors: lit.coarse.form_factors,
         rays: log.stages.iter().map(|s| s.rays).sum(),
         ledger: EnergyReport {
-            emitted: coarse.ledger.emitted.to_array(),
-            absorbed: coarse.ledger.absorbed.to_array(),
-            escaped: coarse.ledger.escaped.to_array(),
-            unshot: coarse.ledger.unshot.to_array(),
+            emitted: lit.coarse.ledger.emitted.to_array(),
+            absorbed: lit.coarse.ledger.absorbed.to_array(),
+            escaped: lit.coarse.ledger.escaped.to_array(),
+            unshot: lit.coarse.ledger.unshot.to_array(),
         },
-        unshot_fraction: coarse.unshot_fraction,
-        unshot_error_bound: Some(coarse.error_bound).filter(|bound| bound.is_finite()),
+        unshot_fraction: lit.coarse.unshot_fraction,
+        unshot_error_bound: Some(lit.coarse.error_bound).filter(|bound| bound.is_finite()),
         estimated_error: None,
     };
     let warnings = [atlas.warnings.clone(), noticed.warnings].concat();
-    drop(lookup);
     Ok(Lit {
         plan,
         atlas,
         direct: direct.irradiance,
-        indirect: indirect.irradiance,
+        indirect: lit.irradiance,
+        sky: lit.sky,
         elements,
         stages: Vec::new(),
         predicted_memory_bytes: 0,

@@ -1,5 +1,9 @@
 //! What a caller may choose: one struct a stage, every default written once, beside its field.
 
+mod effects;
+
+pub use effects::{Effect, Forced};
+
 use crate::units::Radiance;
 use std::path::PathBuf;
 
@@ -12,6 +16,8 @@ pub struct BakeOptions {
     pub atlas: AtlasOptions,
     /// The effort of the light stages; see [`Quality::light`].
     pub light: LightOptions,
+    /// Effects that are simulated although the scene does not call for them.
+    pub effects: Forced,
     /// What is written and how.
     pub export: ExportOptions,
 }

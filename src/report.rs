@@ -2,7 +2,7 @@
 
 use crate::error::Warning;
 use crate::options::{BakeOptions, LampUnits};
-use crate::plan::Effect;
+use crate::plan::Finding;
 use crate::progress::Stage;
 use serde::{Serialize, Serializer};
 use std::path::{Path, PathBuf};
@@ -35,7 +35,7 @@ pub struct Report {
     /// Light.
     pub light: LightReport,
     /// Which effects were simulated and why.
-    pub effects: Vec<Effect>,
+    pub effects: Vec<Finding>,
     /// What was dropped, approximated or looks wrong, sorted by place; see [`sorted`].
     pub warnings: Vec<Warning>,
 }

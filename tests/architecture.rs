@@ -49,7 +49,7 @@ const MAY_NAME: [(&str, &[&str]); 30] = [
 const STAGES: &str = "stages";
 
 /// Where a foreign crate may be named: folders and files of `src`.
-const HOMES: [(&str, &[&str]); 18] = [
+const HOMES: [(&str, &[&str]); 19] = [
     ("base64", &["import/", "export/", "study/page.rs"]),
     ("clap", &["cli/", "main.rs"]),
     ("comfy_table", &["study/sheet.rs"]),
@@ -66,6 +66,7 @@ const HOMES: [(&str, &[&str]); 18] = [
     ("plotly", &["study/page.rs"]),
     ("sobol_burley", &["sampling.rs"]),
     ("tempfile", &["export/", "study/tests.rs"]),
+    ("terminal_size", &["cli/"]),
     ("uvunwrap", &["atlas/"]),
     ("xatlas_rs_v2", &["atlas/"]),
 ];

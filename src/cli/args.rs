@@ -2,7 +2,8 @@
 
 use super::check::CheckArgs;
 use super::render::RenderArgs;
-use super::values::{self, Pick, Sky};
+use super::study::StudyArgs;
+use super::values::{self, Effects, Pick, Sky};
 use clap::{Args, Parser, Subcommand};
 use lightkiln::options::{
     AtlasOptions, ExportOptions, FormFactors, ImportOptions, LampUnits, LampsOut, LightPart, Quality,
@@ -41,6 +42,8 @@ pub enum Command {
     Render(RenderArgs),
     /// Examine a baked file: texture space, pages, units, seams
     Check(CheckArgs),
+    /// Bake scenes many times over and show what comes of it
+    Study(Box<StudyArgs>),
 }
 
 /// The arguments of `bake`, as typed.
@@ -74,6 +77,10 @@ pub struct BakeArgs {
     /// How light between surfaces is found.
     #[command(flatten)]
     pub solve: SolveArgs,
+
+    /// Which effects are simulated.
+    #[command(flatten)]
+    pub effects: EffectArgs,
 
     /// How the bake runs.
     #[command(flatten)]
@@ -148,6 +155,18 @@ pub struct AtlasArgs {
     pub max_pages: u32,
 }
 
+impl AtlasArgs {
+    /// What they mean.
+    pub fn atlas(&self) -> AtlasOptions {
+        AtlasOptions {
+            density: self.density,
+            page_size: self.page_size,
+            max_pages: self.max_pages,
+            ..AtlasOptions::default()
+        }
+    }
+}
+
 /// How the scene is read.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Scene")]
@@ -173,6 +192,19 @@ pub struct SceneArgs {
     pub allow_outside: bool,
 }
 
+impl SceneArgs {
+    /// What they mean.
+    pub fn import(&self) -> ImportOptions {
+        ImportOptions {
+            scene: self.scene.clone(),
+            lamp_units: self.lamp_units.0,
+            sky: self.sky.clone().map(|sky| sky.0),
+            sun_angle_deg: self.sun_angle,
+            allow_outside: self.allow_outside,
+        }
+    }
+}
+
 /// How light between surfaces is found.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Interreflection")]
@@ -193,6 +225,15 @@ pub struct SolveArgs {
         default_value_t = Pick(SolveOptions::default().form_factors),
     )]
     pub form_factors: Pick<FormFactors>,
+}
+
+/// Which effects are simulated.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Effects")]
+pub struct EffectArgs {
+    /// Which effects of light are simulated
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = Pick(Effects::Auto))]
+    pub effects: Pick<Effects>,
 }
 
 /// How the bake runs.

@@ -2,7 +2,7 @@
 
 use super::args::BakeArgs;
 use super::progress::Verbosity;
-use lightkiln::options::{AtlasOptions, BakeOptions, ExportOptions, ImportOptions, Solver};
+use lightkiln::options::{BakeOptions, ExportOptions, Solver};
 use lightkiln::report::Report;
 use lightkiln::{Error, Result};
 use std::fs;
@@ -46,7 +46,7 @@ pub enum Refusal {
 impl Job {
     /// What `args` mean.
     pub fn new(args: &BakeArgs) -> Self {
-        let BakeArgs { input, quality, output, atlas, scene, solve, run } = args;
+        let BakeArgs { input, quality, output, atlas, scene, solve, effects, run } = args;
         let mut light = quality.0.light();
         light.solve.solver = solve.solver.0;
         light.solve.form_factors = solve.form_factors.0;
@@ -54,20 +54,10 @@ impl Job {
             light.solve.relaxation = relaxation.0;
         }
         let options = BakeOptions {
-            import: ImportOptions {
-                scene: scene.scene.clone(),
-                lamp_units: scene.lamp_units.0,
-                sky: scene.sky.clone().map(|sky| sky.0),
-                sun_angle_deg: scene.sun_angle,
-                allow_outside: scene.allow_outside,
-            },
-            atlas: AtlasOptions {
-                density: atlas.density,
-                page_size: atlas.page_size,
-                max_pages: atlas.max_pages,
-                ..AtlasOptions::default()
-            },
+            import: scene.import(),
+            atlas: atlas.atlas(),
             light,
+            effects: effects.effects.0.forced(),
             export: ExportOptions {
                 output: output.output.clone(),
                 store: output.store.0,
@@ -176,7 +166,7 @@ mod tests {
     use crate::cli::args::{Cli, Command};
     use clap::Parser;
     use lightkiln::options::{
-        FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation, SkyOption, Store,
+        Forced, FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation, SkyOption, Store,
     };
 
     fn job(arguments: &[&str]) -> Job {
@@ -197,10 +187,10 @@ mod tests {
         let typed = "-o a.glb --preview b.glb --picture d.png --report c.json --store radiosity --light indirect --lamps tag --embed \
                      --float --density 2.5 --page-size 64 --max-pages 3 --scene attic --sky 1,2,3,2 --sun-angle 0.5 \
                      --lamp-units gltf --allow-outside --threads 3 --memory 2GiB --quality high -v \
-                     --solver matrix --relaxation sor --form-factors hemicube";
+                     --solver matrix --relaxation sor --form-factors hemicube --effects all";
         let Job { options, report, verbosity, threads, memory_limit_bytes, .. } =
             job(&typed.split_whitespace().collect::<Vec<_>>());
-        let BakeOptions { import, atlas, light, export } = options;
+        let BakeOptions { import, atlas, light, effects, export } = options;
         assert_eq!(export.output, Some("a.glb".into()));
         assert_eq!(export.preview, Some("b.glb".into()));
         assert_eq!(export.picture, Some("d.png".into()));
@@ -209,6 +199,7 @@ mod tests {
             (export.store, export.light, export.lamps),
             (Store::Radiosity, LightPart::Indirect, LampsOut::Tag)
         );
+        assert_eq!(effects, Forced::all());
         assert!(export.embed && export.full_float && import.allow_outside);
         assert_eq!((atlas.density, atlas.page_size, atlas.max_pages), (Some(2.5), 64, 3));
         assert_eq!((import.scene.as_deref(), import.sun_angle_deg), (Some("attic"), Some(0.5)));

@@ -14,5 +14,6 @@ mod job;
 mod memory;
 mod progress;
 pub mod render;
+pub mod study;
 mod summary;
 mod values;

@@ -93,10 +93,10 @@ fn effects(out: &mut String, report: &Report) {
         return;
     }
     line(out, "effects");
-    let width = report.effects.iter().map(|effect| effect.name.chars().count()).max().unwrap_or(0);
+    let width = report.effects.iter().map(|effect| effect.effect.name().chars().count()).max().unwrap_or(0);
     for effect in &report.effects {
         let state = if effect.on { "on " } else { "off" };
-        line(out, &format!("  {:<width$}  {state}  {}", effect.name, printable(&effect.reason)));
+        line(out, &format!("  {:<width$}  {state}  {}", effect.effect.name(), printable(&effect.reason)));
     }
 }
 
@@ -133,7 +133,8 @@ fn warnings(out: &mut String, warnings: &[Warning], shown: usize) {
 mod tests {
     use super::*;
     use lightkiln::options::BakeOptions;
-    use lightkiln::plan::Effect;
+    use lightkiln::options::Effect;
+    use lightkiln::plan::Finding;
     use lightkiln::progress::Stage;
     use lightkiln::report::{AtlasReport, LightReport, StageReport, sorted};
 
@@ -170,7 +171,14 @@ mod tests {
                 unshot_error_bound: Some(1e-3),
                 estimated_error: Some(0.011),
             },
-            effects: vec![Effect { name: "sky", on: false, reason: "no sky".to_owned() }],
+            effects: vec![Finding {
+                effect: Effect::Sky,
+                on: false,
+                forced: false,
+                reason: "no sky".to_owned(),
+                evidence: Default::default(),
+                saves: String::new(),
+            }],
             warnings: sorted(
                 (0..warnings)
                     .map(|i| Warning::new(format!("wall {}", i / 2), format!("thing {i}")))

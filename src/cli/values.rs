@@ -4,8 +4,8 @@ use clap::ValueEnum;
 use clap::builder::{PossibleValue, RangedI64ValueParser};
 use glam::Vec3;
 use lightkiln::options::{
-    Exposure, FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation, SkyOption, Solver, Store,
-    Tone,
+    Exposure, Forced, FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation, SkyOption, Solver,
+    Store, Tone,
 };
 use lightkiln::units::Radiance;
 use std::path::{Path, PathBuf};
@@ -44,6 +44,36 @@ impl Named for Quality {
             Self::Good => ("good", "for use"),
             Self::High => ("high", "for close looks"),
             Self::Reference => ("reference", "gathers at every texel; slow, to compare with"),
+        }
+    }
+}
+
+/// Which effects are simulated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effects {
+    /// Those the scene calls for.
+    Auto,
+    /// All.
+    All,
+}
+
+impl Effects {
+    /// As the library knows it.
+    pub fn forced(self) -> Forced {
+        match self {
+            Self::Auto => Forced::none(),
+            Self::All => Forced::all(),
+        }
+    }
+}
+
+impl Named for Effects {
+    const ALL: &'static [Pick<Self>] = &[Pick(Self::Auto), Pick(Self::All)];
+
+    fn describe(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Auto => ("auto", "those the scene calls for, see `lightkiln plan`"),
+            Self::All => ("all", "all that can be, in vain too: slower, the same lightmap"),
         }
     }
 }

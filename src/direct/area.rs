@@ -203,6 +203,11 @@ impl AreaEmitter {
         Some(Self { polygons, cumulative })
     }
 
+    /// One polygon that sends nothing; `None` when it has no area.
+    pub fn black(corners: &[Vec3]) -> Option<Self> {
+        Some(Self { polygons: vec![Polygon::new(corners, Vec3::ZERO)?], cumulative: vec![1.0] })
+    }
+
     /// A point amid the polygons.
     pub fn centre(&self) -> Vec3 {
         self.polygons.iter().map(Polygon::centre).sum::<Vec3>() / self.polygons.len() as f32

@@ -5,6 +5,7 @@ use super::emitters::{AnyEmitter, EmitterList};
 use super::penumbra::Patterns;
 use super::{Emitter, Receiver};
 use crate::elements::{Elements, NO_ELEMENT};
+use crate::plan::Sight;
 use crate::transport::{Tracer, World};
 use crate::units::Irradiance;
 use glam::Vec3;
@@ -79,22 +80,50 @@ pub struct LitBlock {
     pub bright: Vec<u32>,
 }
 
-/// Lights the block with the emitters that matter there one by one.
+/// What all blocks are lit with.
+pub struct With<'a> {
+    /// Receivers.
+    pub elements: &'a Elements,
+    /// Sources.
+    pub list: &'a EmitterList,
+    /// Which rays are sent.
+    pub patterns: &'a Patterns,
+}
+
+/// Whether nothing stands between any element of the block or its apron and the lights that reach it.
+pub fn is_clear(elements: &Elements, block: &Block, sight: &Sight) -> bool {
+    let chart = &elements.charts[block.chart as usize];
+    let page = &elements.pages[chart.page as usize];
+    let size = page.size_texels as usize;
+    let span = |axis: usize| {
+        usize::from(block.min[axis]).saturating_sub(APRON)..(usize::from(block.max[axis]) + APRON).min(size)
+    };
+    let clear = |e: u32| {
+        e == NO_ELEMENT
+            || !chart.elements.contains(&e)
+            || sight.is_clear(elements.triangle[e as usize], usize::from(chart.back))
+    };
+    span(1).all(|y| page.element[y * size..][span(0)].iter().all(|&e| clear(e)))
+}
+
+/// Lights the block with the emitters that matter there one by one, out of those that may.
 pub fn light<T: Tracer>(
-    elements: &Elements,
+    with: &With,
     block: &Block,
-    list: &EmitterList,
+    candidates: &[u32],
     tracer: &T,
-    patterns: &Patterns,
     rays: &mut u64,
 ) -> LitBlock {
+    let &With { elements, list, patterns } = with;
     let grid = Grid::new(elements, block, tracer.world());
     let mut sum = vec![Irradiance::ZERO; grid.id.len()];
     let present: Vec<Receiver> =
         grid.inner().filter(|&i| grid.id[i] != NO_ELEMENT).map(|i| grid.receiver[i]).collect();
-    let bright = list.bright_at(&present);
+    let bright = list.bright_at(candidates, &present);
+    let mut asked = bright.clone();
+    list.add_vain(candidates, &mut asked);
     let mut scratch = Scratch::new(grid.id.len());
-    for &index in &bright {
+    for &index in &asked {
         let work = Work { grid: &grid, tracer, patterns };
         match &list.emitters[index as usize] {
             AnyEmitter::Area(e) => work.add(e, &mut scratch, &mut sum, rays),
@@ -243,19 +272,22 @@ impl<T: Tracer> Work<'_, T> {
             }
             scratch.unoccluded[i] = open;
             let points = &self.patterns.probe[grid.phase(i)];
-            let points = if emitter.is_sharp() { &points[..1] } else { &points[..] };
+            let points = if emitter.is_sharp() { &points[..self.patterns.sharp_probes] } else { &points[..] };
             let mut first = None;
             let mut class = Class::Mixed;
             let mut seen = Vec3::ZERO;
             for &uv in points {
                 let Some(shadow) = emitter.shadow_ray(receiver, uv) else { continue };
-                *rays += 1;
+                *rays += u64::from(T::SENDS);
                 let passed = self.tracer.transmittance(&shadow.ray);
                 match first {
                     None => {
                         first = Some(passed);
                         seen = passed;
                         class = if passed == Vec3::ZERO { Class::Shadowed } else { Class::Lit };
+                        if !T::SENDS {
+                            break;
+                        }
                     }
                     Some(before) if before != passed => {
                         class = Class::Mixed;
@@ -305,7 +337,7 @@ impl<T: Tracer> Work<'_, T> {
             receiver.position_world = centre + half_u * (2.0 * s - 1.0) + half_v * (2.0 * t - 1.0);
             receiver.origin_world = receiver.position_world + clear;
             let Some(shadow) = emitter.shadow_ray(&receiver, [u, v]) else { continue };
-            *rays += 1;
+            *rays += u64::from(T::SENDS);
             all += shadow.weight;
             passed += shadow.weight * self.tracer.transmittance(&shadow.ray);
             if emitter.is_sharp() && half_u == Vec3::ZERO {

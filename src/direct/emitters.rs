@@ -5,8 +5,10 @@ use super::point::PointEmitter;
 use super::sky;
 use super::sun::SunEmitter;
 use super::{Emitter, Receiver, ShadowRay};
-use crate::scene::{LampKind, Role, Scene, Sky, Surface, SurfacePoint};
-use crate::units::Irradiance;
+use crate::options::Effect;
+use crate::plan::{Lights, Plan, Rooms, Shining, meet};
+use crate::scene::{Cone, LampKind, Scene, Sky, SpotFalloff, Surface, SurfacePoint};
+use crate::units::{Intensity, Irradiance};
 use glam::{Vec2, Vec3};
 
 /// Where no more emitters than this exist, none is faint.
@@ -35,8 +37,16 @@ pub enum AnyEmitter {
 /// All sources.
 #[derive(Default)]
 pub struct EmitterList {
-    /// In scene order: lamps, surfaces, sky.
+    /// Neighbours stand together; those that are asked in vain come last.
     pub emitters: Vec<AnyEmitter>,
+    /// The rooms each counts in, see [`Rooms`]; none where it is asked in vain.
+    rooms: Vec<Vec<u32>>,
+    /// Whether lights are asked in rooms they do not count in.
+    everywhere: bool,
+    /// How many count anywhere.
+    counting: usize,
+    /// Whether lights without extent are probed as often as those with.
+    pub(super) sharp_as_soft: bool,
 }
 
 impl EmitterList {
@@ -50,16 +60,29 @@ impl EmitterList {
         self.emitters.len()
     }
 
-    /// The emitters whose shadow borders show among these receivers, ascending: all where they are few, else the
+    /// The emitters that count in one of these rooms (ascending), ascending.
+    pub(super) fn within(&self, rooms: &[u32]) -> Vec<u32> {
+        (0..).zip(&self.rooms).filter(|(_, within)| meet(within, rooms)).map(|(k, _)| k).collect()
+    }
+
+    /// Adds to what is asked one by one what is asked in vain, where `counting` are all that count.
+    pub(super) fn add_vain(&self, counting: &[u32], asked: &mut Vec<u32>) {
+        let from = if self.everywhere { 0 } else { self.counting as u32 };
+        asked.extend((from..self.len() as u32).filter(|k| counting.binary_search(k).is_err()));
+        asked.sort_unstable();
+    }
+
+    /// Of these emitters those whose shadow borders show among these receivers, ascending: all where they are few, else the
     /// brightest, each at least [`SEEN_SHARE`] of the light. What is left out is faint here, see [`super::Faint`].
-    pub(super) fn bright_at(&self, receivers: &[Receiver]) -> Vec<u32> {
-        if self.len() <= FEW {
-            return (0..self.len() as u32).collect();
+    pub(super) fn bright_at(&self, within: &[u32], receivers: &[Receiver]) -> Vec<u32> {
+        if within.len() <= FEW {
+            return within.to_vec();
         }
         let stride = receivers.len().div_ceil(PLACES).max(1);
         let places: Vec<&Receiver> = receivers.iter().step_by(stride).collect();
-        let mut strength: Vec<(f32, u32)> = (0..self.len() as u32)
-            .map(|k| {
+        let mut strength: Vec<(f32, u32)> = within
+            .iter()
+            .map(|&k| {
                 let emitter = &self.emitters[k as usize];
                 (places.iter().map(|r| emitter.unoccluded(r).mean()).fold(0.0, f32::max), k)
             })
@@ -93,6 +116,32 @@ impl AnyEmitter {
         }
     }
 
+    /// A light of this kind that sends nothing, in the middle of the scene.
+    fn black(kind: Effect) -> Option<Self> {
+        let point = |cone| {
+            Self::Point(PointEmitter {
+                position_world: Vec3::ZERO,
+                intensity: Intensity::grey(0.0),
+                range_m: None,
+                radius_m: 0.0,
+                cone,
+            })
+        };
+        let down =
+            Cone { direction_world: -Vec3::Y, inner_rad: 0.5, outer_rad: 0.7, falloff: SpotFalloff::Blender };
+        match kind {
+            Effect::PointLamps => Some(point(None)),
+            Effect::SpotLamps => Some(point(Some(down))),
+            Effect::Suns => Some(Self::Sun(SunEmitter {
+                toward_world: Vec3::Y,
+                irradiance: Irradiance::ZERO,
+                sin_radius: 0.0,
+            })),
+            Effect::AreaLights => AreaEmitter::black(&[Vec3::ZERO, Vec3::X, Vec3::Z]).map(Self::Area),
+            _ => None,
+        }
+    }
+
     /// A place that stands for the emitter, for sorting neighbours together.
     fn place(&self) -> Vec3 {
         match self {
@@ -103,42 +152,68 @@ impl AnyEmitter {
     }
 }
 
-/// Finds every source; returns also the sky without what became a source.
-pub fn collect(scene: &Scene) -> (EmitterList, Sky) {
-    let mut emitters = Vec::new();
-    for lamp in &scene.lamps {
-        match lamp.kind {
-            LampKind::Point { position_world, intensity, range_m, radius_m, cone } => {
-                if intensity.0.max_element() > 0.0 {
-                    let lamp = PointEmitter { position_world, intensity, range_m, radius_m, cone };
-                    emitters.push(AnyEmitter::Point(lamp));
-                }
-            }
-            LampKind::Sun { toward_world, irradiance, angle_rad } => {
-                if irradiance.0.max_element() > 0.0 {
-                    let sin_radius = (angle_rad / 2.0).clamp(0.0, 1.5).sin();
-                    emitters.push(AnyEmitter::Sun(SunEmitter { toward_world, irradiance, sin_radius }));
-                }
-            }
-        }
+/// Finds every source that the plan asks; returns also the sky without what became a source.
+pub fn collect(scene: &Scene, plan: &Plan) -> (EmitterList, Sky) {
+    let mut found: Vec<(AnyEmitter, Vec<u32>)> = Vec::new();
+    let mut vain: Vec<AnyEmitter> = Vec::new();
+    let mut add = |emitter: AnyEmitter, shining: Shining, within: &dyn Fn() -> Vec<u32>| match shining {
+        Shining::Counts => found.push((emitter, within())),
+        Shining::InVain => vain.push(emitter),
+        Shining::Not => {}
+    };
+    for (lamp, &shining) in plan.lights.lamps.iter().enumerate() {
+        add(lamp_emitter(&scene.lamps[lamp].kind), shining, &|| plan.rooms.of_lamp[lamp].clone());
     }
     for (index, surface) in scene.surfaces.iter().enumerate() {
-        if surface.role != Role::Blocks && scene.material(surface).emits() {
-            let polygons = polygons(scene, index as u32, surface);
-            emitters.extend(grouped(polygons).into_iter().filter_map(AreaEmitter::new).map(AnyEmitter::Area));
+        let shining = plan.lights.surfaces[index];
+        if shining == Shining::Not {
+            continue;
+        }
+        let [front, back] = &plan.rooms.of_side[index];
+        let mut within = front.clone();
+        if scene.material(surface).double_sided {
+            within.extend(back);
+            within.sort_unstable();
+            within.dedup();
+        }
+        let groups = grouped(polygons(scene, index as u32, surface)).into_iter();
+        groups
+            .filter_map(AreaEmitter::new)
+            .for_each(|e| add(AnyEmitter::Area(e), shining, &|| within.clone()));
+    }
+    let sky = if plan.lights.sky == Shining::Not { &Sky::None } else { &scene.sky };
+    let (suns, rest) = sky::split(sky);
+    for sun in suns.into_iter().filter(|sun| sun.irradiance != Irradiance::ZERO) {
+        add(AnyEmitter::Sun(sun), plan.lights.sky, &|| vec![Rooms::OUTSIDE]);
+    }
+    vain.extend(plan.lights.black.iter().filter_map(|&kind| AnyEmitter::black(kind)));
+    sort_by_place(&mut found);
+    let (mut emitters, mut rooms): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    let counting = emitters.len();
+    emitters.extend(vain);
+    rooms.resize(emitters.len(), Vec::new());
+    let Lights { between_rooms: everywhere, sharp_as_soft, .. } = plan.lights;
+    (EmitterList { emitters, rooms, everywhere, counting, sharp_as_soft }, rest)
+}
+
+fn lamp_emitter(kind: &LampKind) -> AnyEmitter {
+    match *kind {
+        LampKind::Point { position_world, intensity, range_m, radius_m, cone } => {
+            AnyEmitter::Point(PointEmitter { position_world, intensity, range_m, radius_m, cone })
+        }
+        LampKind::Sun { toward_world, irradiance, angle_rad } => {
+            let sin_radius = (angle_rad / 2.0).clamp(0.0, 1.5).sin();
+            AnyEmitter::Sun(SunEmitter { toward_world, irradiance, sin_radius })
         }
     }
-    let (suns, rest) = sky::split(&scene.sky);
-    emitters.extend(suns.into_iter().filter(|s| s.irradiance != Irradiance::ZERO).map(AnyEmitter::Sun));
-    sort_by_place(&mut emitters);
-    (EmitterList { emitters }, rest)
 }
 
 /// Neighbours come together: samples dealt along the list are then dealt through space.
-fn sort_by_place(emitters: &mut [AnyEmitter]) {
+fn sort_by_place(emitters: &mut [(AnyEmitter, Vec<u32>)]) {
     let finite = |e: &&AnyEmitter| !matches!(e, AnyEmitter::Sun(_));
     let (low, high) = emitters
         .iter()
+        .map(|(emitter, _)| emitter)
         .filter(finite)
         .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), e| (l.min(e.place()), h.max(e.place())));
     let scale = 1023.0 / (high - low).max_element().max(f32::MIN_POSITIVE);
@@ -150,7 +225,7 @@ fn sort_by_place(emitters: &mut [AnyEmitter]) {
                 | (cell.z >> bit & 1) << (3 * bit + 2)
         })
     };
-    emitters.sort_by_key(key);
+    emitters.sort_by_key(|(emitter, _)| key(emitter));
 }
 
 fn polygons(scene: &Scene, index: u32, surface: &Surface) -> Vec<Polygon> {

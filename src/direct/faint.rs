@@ -28,7 +28,9 @@ pub struct Faint<'a> {
 impl<'a> Faint<'a> {
     /// `None` where every emitter is bright everywhere.
     pub fn new(elements: &'a Elements, emitters: &'a EmitterList, direct: &'a Direct) -> Option<Self> {
-        if direct.bright.iter().all(|b| b.len() == emitters.len()) {
+        let all_bright =
+            |(block, bright): (&Block, &Vec<u32>)| direct.candidates(block.chart).len() == bright.len();
+        if direct.blocks.iter().zip(&direct.bright).all(all_bright) {
             return None;
         }
         let mut first_block = vec![0; elements.charts.len() + 1];
@@ -58,6 +60,7 @@ impl<'a> Faint<'a> {
     pub fn irradiance<T: Tracer>(&self, element: u32, tracer: &T) -> (Irradiance, u64) {
         let e = element as usize;
         let bright = &self.direct.bright[self.block_of(element)];
+        let candidates = self.direct.candidates(self.elements.chart[e]);
         let (position_world, normal) = (self.elements.position_world[e], self.elements.normal_geometric[e]);
         let receiver = Receiver {
             position_world,
@@ -65,13 +68,14 @@ impl<'a> Faint<'a> {
             normal_shading: self.elements.normal_shading[e],
             normal_geometric: normal,
         };
-        let mut open = Vec::with_capacity(self.emitters.len());
+        let mut open = Vec::with_capacity(candidates.len());
         let mut total = 0.0_f64;
-        for (k, emitter) in self.emitters.emitters.iter().enumerate() {
-            if bright.binary_search(&(k as u32)).is_ok() {
+        for &k in candidates {
+            if bright.binary_search(&k).is_ok() {
                 continue;
             }
-            let irradiance = emitter.unoccluded(&receiver);
+            let k = k as usize;
+            let irradiance = self.emitters.emitters[k].unoccluded(&receiver);
             if irradiance.mean() > 0.0 {
                 total += f64::from(irradiance.mean());
                 open.push((total, k, irradiance));

@@ -21,11 +21,13 @@ pub use faint::Faint;
 
 use crate::elements::Elements;
 use crate::options::DirectOptions;
+use crate::plan::{Plan, Rooms};
 use crate::progress::Progress;
-use crate::transport::{Ray, Tracer};
+use crate::transport::{ClearTracer, Ray, Tracer};
 use crate::units::Irradiance;
 use glam::Vec3;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Where light arrives.
 #[derive(Clone, Copy, Debug)]
@@ -67,26 +69,56 @@ pub struct Direct {
     pub irradiance: Vec<Irradiance>,
     /// The blocks the charts were cut into, ascending by chart.
     pub blocks: Vec<Block>,
-    /// For each block the emitters that `irradiance` holds, ascending; the others are faint there.
+    /// For each block the emitters that `irradiance` holds, ascending; the others in its rooms are faint there.
     pub bright: Vec<Vec<u32>>,
+    /// The emitters in the rooms of each chart's side, ascending; shared, see `candidates_of_chart`.
+    candidates: Vec<Vec<u32>>,
+    /// For each chart its row of `candidates`.
+    candidates_of_chart: Vec<u32>,
     /// Rays sent.
     pub rays: u64,
     /// Whether a cancelled run left elements dark.
     pub unfinished: bool,
 }
 
-/// Lights every element.
+impl Direct {
+    /// The emitters in the rooms of a chart's side, ascending.
+    fn candidates(&self, chart: u32) -> &[u32] {
+        &self.candidates[self.candidates_of_chart[chart as usize] as usize]
+    }
+}
+
+/// For each chart the emitters in the rooms of its side: the different lists, and which of them it has.
+fn candidates(elements: &Elements, emitters: &EmitterList, rooms: &Rooms) -> (Vec<Vec<u32>>, Vec<u32>) {
+    let mut known: BTreeMap<&[u32], u32> = BTreeMap::new();
+    let mut lists = Vec::new();
+    let of_chart = elements.charts.iter().map(|chart| {
+        let within = &rooms.of_side[chart.surface as usize][usize::from(chart.back)];
+        *known.entry(within).or_insert_with(|| {
+            lists.push(emitters.within(within));
+            lists.len() as u32 - 1
+        })
+    });
+    let of_chart = of_chart.collect();
+    (lists, of_chart)
+}
+
+/// Lights every element: each with the emitters of its rooms, without rays where the plan knows that none is stopped.
 pub fn light<T: Tracer>(
     elements: &Elements,
     emitters: &EmitterList,
+    plan: &Plan,
     tracer: &T,
     options: &DirectOptions,
     progress: &mut Progress,
 ) -> Direct {
     let blocks = block::cut(elements);
+    let (candidates, candidates_of_chart) = candidates(elements, emitters, &plan.rooms);
     let mut direct = Direct {
         irradiance: vec![Irradiance::ZERO; elements.len()],
         bright: Vec::with_capacity(blocks.len()),
+        candidates,
+        candidates_of_chart,
         blocks,
         rays: 0,
         unfinished: false,
@@ -96,7 +128,7 @@ pub fn light<T: Tracer>(
         return direct;
     }
     progress.restart(elements.len() as u64);
-    let patterns = penumbra::Patterns::new(options);
+    let patterns = penumbra::Patterns::new(options, emitters.sharp_as_soft);
     // Bounded batches keep the transient copies small next to the elements themselves.
     for batch in direct.blocks.chunks(4096) {
         let lit: Vec<_> = batch
@@ -106,7 +138,13 @@ pub fn light<T: Tracer>(
                     return None;
                 }
                 let mut rays = 0;
-                let lit = block::light(elements, block, emitters, tracer, &patterns, &mut rays);
+                let with = block::With { elements, list: emitters, patterns: &patterns };
+                let candidates = direct.candidates(block.chart);
+                let lit = if block::is_clear(elements, block, &plan.sight) {
+                    block::light(&with, block, candidates, &ClearTracer::new(tracer.world()), &mut rays)
+                } else {
+                    block::light(&with, block, candidates, tracer, &mut rays)
+                };
                 progress.advance(lit.lit.len() as u64);
                 Some((lit, rays))
             })

@@ -13,11 +13,13 @@ pub struct Patterns {
     pub probe: Vec<Vec<[f32; 2]>>,
     /// Per texel phase: `[texel u, texel v, emitter u, emitter v]` of the refinement.
     pub refine: Vec<Vec<[f32; 4]>>,
+    /// How many points of the probe are asked of a light without extent.
+    pub sharp_probes: usize,
 }
 
 impl Patterns {
     /// Sets for the given effort.
-    pub fn new(options: &DirectOptions) -> Self {
+    pub fn new(options: &DirectOptions, sharp_as_soft: bool) -> Self {
         let phases = PERIOD * PERIOD;
         let probe_rays = options.probe_rays.max(1);
         // One stratified set over all phases, dealt out so that each phase gets a spread-out share.
@@ -36,7 +38,8 @@ impl Patterns {
                 shifted(&base, [turn(0.856_674_9), turn(0.733_891_9), turn(0.628_706_7), turn(0.538_597_3)])
             })
             .collect();
-        Self { probe, refine }
+        let sharp_probes = if sharp_as_soft { probe_rays as usize } else { 1 };
+        Self { probe, refine, sharp_probes }
     }
 
     /// The phase of a texel.

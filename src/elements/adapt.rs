@@ -28,8 +28,15 @@ const MOST: usize = 1 << 17;
 /// Cuts patches into quarters, again and again, where some of their elements stand close to other surfaces and some
 /// do not: behind furniture, under a table, along an edge; then parts flat ones along the walls that stand on them. One
 /// value for both sides would carry light where none gets to.
+/// Patches whose elements are all open see nothing and stay as they are.
 /// Returns the patches and the number of rays that took.
-pub fn adapt<T: Tracer>(elements: &Elements, patches: Patches, tracer: &T) -> (Patches, u64) {
+pub fn adapt<T: Tracer>(
+    elements: &Elements,
+    patches: Patches,
+    is_open: impl Fn(u32) -> bool + Sync,
+    counts: impl Fn(usize) -> bool,
+    tracer: &T,
+) -> (Patches, u64) {
     let directions: Vec<Vec3> = sobol4(RAYS, 0, 8).iter().map(|p| cosine_hemisphere(p[0], p[1])).collect();
     let mut rays = 0;
     for rounds in (0..=ROUNDS).rev() {
@@ -37,14 +44,18 @@ pub fn adapt<T: Tracer>(elements: &Elements, patches: Patches, tracer: &T) -> (P
             .into_par_iter()
             .map(|patch| {
                 let mut cutter = Cutter { elements, tracer, directions: &directions, rays: 0, parts: vec![] };
-                cutter.cut(patches.elements_of(patch).to_vec(), rounds);
+                let members = patches.elements_of(patch);
+                let sees_nothing = members.iter().all(|&e| is_open(e));
+                cutter.cut(members.to_vec(), if sees_nothing { 0 } else { rounds });
                 (cutter.parts, cutter.rays)
             })
             .collect();
         rays += cut.iter().map(|c| c.1).sum::<u64>();
         let count: usize = cut.iter().map(|c| c.0.len()).sum();
         if count <= MOST {
-            return (replaced(elements, &patches, cut.into_iter().map(|c| c.0)), rays);
+            let mut patches = replaced(elements, &patches, cut.into_iter().map(|c| c.0));
+            patches.average(elements, counts);
+            return (patches, rays);
         }
     }
     (patches, rays)

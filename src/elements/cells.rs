@@ -34,13 +34,20 @@ const FINEST_SHARE: f64 = 1.0 / 4.0;
 
 /// All elements, chart by chart in Z-order; the cells, blocks of them with valid area; and the area above which blocks
 /// were cut. Blocks smaller than a quarter of it count by their area only, so that small charts do not take the
-/// patches away from the large ones; [`super::merge`] joins them.
-pub(super) fn cells(elements: &Elements, wanted: u32) -> (Vec<u32>, Vec<Cell>, f64) {
+/// patches away from the large ones; [`super::merge`] joins them. The wanted number is that of the charts that count;
+/// the others are cut as finely.
+pub(super) fn cells(
+    elements: &Elements,
+    wanted: u32,
+    counts: impl Fn(usize) -> bool,
+) -> (Vec<u32>, Vec<Cell>, f64) {
     let order: Vec<u32> =
         elements.charts.par_iter().flat_map_iter(|chart| z_order(elements, chart)).collect();
     let weight =
         |e: u32| if elements.valid[e as usize] { f64::from(elements.area[e as usize].0) } else { 0.0 };
-    let total: f64 = order.iter().map(|&e| weight(e)).sum();
+    let counted = || (0..elements.charts.len()).filter(|&chart| counts(chart));
+    let ids = counted().flat_map(|chart| elements.charts[chart].elements.clone());
+    let total: f64 = ids.map(weight).sum();
     let mean = total / f64::from(wanted);
     let build = |chart: &super::Chart| {
         let range = chart.elements.start as usize..chart.elements.end as usize;
@@ -49,7 +56,7 @@ pub(super) fn cells(elements: &Elements, wanted: u32) -> (Vec<u32>, Vec<Cell>, f
     let trees: Vec<Vec<Node>> = elements.charts.par_iter().map(build).collect();
 
     let fits = |area: f64| {
-        let cut: Vec<&Node> = trees.iter().flat_map(|tree| leaves(tree, area)).collect();
+        let cut: Vec<&Node> = counted().flat_map(|chart| leaves(&trees[chart], area)).collect();
         let large = cut.iter().filter(|node| node.area >= 0.25 * area).count();
         let small: f64 = cut.iter().map(|node| node.area).filter(|&a| a < 0.25 * area).sum();
         large as f64 + small / area <= f64::from(wanted)

@@ -27,6 +27,7 @@ pub use lookup::{Lookup, Weights};
 pub use patches::{NO_PATCH, Patches, patches};
 pub use rasterise::{Noticed, rasterise};
 
+use crate::plan::Sight;
 use crate::units::{Area, Radiance, Reflectance};
 use glam::Vec3;
 use std::ops::Range;
@@ -124,5 +125,11 @@ impl Elements {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.position_world.is_empty()
+    }
+
+    /// Whether all rays of an element leave the scene.
+    pub fn is_open(&self, element: u32, sight: &Sight) -> bool {
+        let back = self.charts[self.chart[element as usize] as usize].back;
+        sight.is_open(self.triangle[element as usize], usize::from(back))
     }
 }

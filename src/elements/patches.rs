@@ -34,6 +34,8 @@ pub struct Patches {
     pub position_world: Vec<Vec3>,
     /// Mean geometric normal by area; shorter than 1 on curved patches.
     pub normal_world: Vec<Vec3>,
+    /// Mean area of the patches of charts that count, m².
+    pub mean_area: f64,
 }
 
 impl Patches {
@@ -55,6 +57,17 @@ impl Patches {
     /// Valid elements of a patch.
     pub fn elements_of(&self, patch: u32) -> &[u32] {
         &self.elements[self.range_of(patch)]
+    }
+
+    /// Takes the mean area of patches whose first element is in a chart that counts.
+    pub(super) fn average(&mut self, elements: &Elements, counts: impl Fn(usize) -> bool) {
+        let chart =
+            |patch: usize| elements.chart[self.elements[self.first[patch] as usize] as usize] as usize;
+        let counted = (0..self.len())
+            .filter(|&patch| self.first[patch] < self.first[patch + 1] && counts(chart(patch)));
+        let (count, area) =
+            counted.fold((0, 0.0), |(count, area), patch| (count + 1, area + self.area[patch]));
+        self.mean_area = area / f64::from(count.max(1));
     }
 
     /// Appends a patch of valid elements.
@@ -86,17 +99,25 @@ impl Patches {
 
 /// Cuts every chart into square blocks of comparable area, about `wanted` in all; curved charts more finely, and at
 /// least one a chart. Where that makes more than 65,536, small neighbouring ones share a patch: of one surface and
-/// direction first, of any surface where that does not suffice. Ordered by their first element.
-pub fn patches(elements: &Elements, wanted: u32) -> Patches {
-    patches_within(elements, wanted, MOST)
+/// direction first, of any surface where that does not suffice. Ordered by their first element. `wanted` is the number of patches of
+/// the charts that count; the others are cut as finely.
+pub fn patches(elements: &Elements, wanted: u32, counts: impl Fn(usize) -> bool) -> Patches {
+    patches_within(elements, wanted, MOST, counts)
 }
 
 /// The same where cells are joined beyond `most` patches, or 1.5 × `wanted` if that is more.
-pub(super) fn patches_within(elements: &Elements, wanted: u32, most: usize) -> Patches {
+pub(super) fn patches_within(
+    elements: &Elements,
+    wanted: u32,
+    most: usize,
+    counts: impl Fn(usize) -> bool,
+) -> Patches {
     let wanted = wanted.max(1);
-    let (order, cells, target) = cells(elements, wanted);
+    let (order, cells, target) = cells(elements, wanted, &counts);
     let groups = merge(elements, &order, &cells, target, most.max(wanted as usize + wanted as usize / 2));
-    collect(elements, &order, &cells, groups)
+    let mut patches = collect(elements, &order, &cells, groups);
+    patches.average(elements, counts);
+    patches
 }
 
 /// Numbers the groups of cells by their lowest element and gathers what is known of each.

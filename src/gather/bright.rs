@@ -48,7 +48,9 @@ impl Bright {
             (power / patches.area[patch as usize]).as_vec3()
         };
         let light: Vec<Vec3> = (0..count).map(mean_of).collect();
-        let area: f64 = patches.area.iter().sum();
+        // Dark patches do not count: how many there are may depend on what is computed in vain.
+        let lit = light.iter().zip(&patches.area).filter(|(light, _)| light.element_sum() > 0.0);
+        let area: f64 = lit.map(|(_, area)| area).sum();
         let power: f64 = light.iter().zip(&patches.area).map(|(b, a)| f64::from(b.element_sum()) * a).sum();
         let limit = BRIGHT * (power / area) as f32;
         let mut shooters: Vec<Shooter> = (0..count)

@@ -3,7 +3,7 @@
 use super::Surroundings;
 use crate::elements::Elements;
 use crate::sampling::{cosine_hemisphere, frame, sobol4, to_world};
-use crate::transport::{Hit, Ray, Tracer};
+use crate::transport::{ClearTracer, Hit, Ray, Tracer};
 use crate::units::{Irradiance, Radiosity};
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -52,9 +52,23 @@ impl DirectionSet {
         element: u32,
         around: &Surroundings<T, S>,
     ) -> (Gathered, u64) {
+        if elements.is_open(element, around.sight) {
+            self.gather_with(elements, element, around, &ClearTracer::new(around.tracer.world()))
+        } else {
+            self.gather_with(elements, element, around, around.tracer)
+        }
+    }
+
+    fn gather_with<T: Tracer, U: Tracer, S: Fn(&Hit) -> Radiosity>(
+        &self,
+        elements: &Elements,
+        element: u32,
+        around: &Surroundings<T, S>,
+        tracer: &U,
+    ) -> (Gathered, u64) {
         let e = element as usize;
         let (geometric, shading) = (elements.normal_geometric[e], elements.normal_shading[e]);
-        let world = around.tracer.world();
+        let world = tracer.world();
         let origin = world.offset_origin(elements.triangle[e], elements.position_world[e], geometric);
         let frame = frame(shading, elements.half_u_world[e]);
         let (mut reflected, mut sky, mut nearness) = (Vec3::ZERO, Vec3::ZERO, 0.0_f32);
@@ -65,7 +79,7 @@ impl DirectionSet {
             }
             let ray = Ray::unbounded(origin, direction);
             let mut first = f32::INFINITY;
-            let left = around.tracer.walk(&ray, |hit: &Hit, share: Vec3| {
+            let left = tracer.walk(&ray, |hit: &Hit, share: Vec3| {
                 first = first.min(hit.t);
                 reflected += share * (around.radiosity)(hit).0;
             });
@@ -76,14 +90,15 @@ impl DirectionSet {
         }
         let count = self.local.len() as f32;
         let none = (Irradiance::ZERO, 0);
-        let (faint, faint_rays) = around.faint.map_or(none, |faint| faint.irradiance(element, around.tracer));
+        let (faint, faint_rays) = around.faint.map_or(none, |faint| faint.irradiance(element, tracer));
         let (bright, bright_rays) =
-            around.bright.map_or(none, |bright| bright.irradiance(elements, element, around.tracer));
+            around.bright.map_or(none, |bright| bright.irradiance(elements, element, tracer));
         let gathered = Gathered {
             irradiance: Irradiance((reflected + sky * PI) / count) + faint + bright,
             distance_m: count / nearness.max(f32::MIN_POSITIVE),
         };
-        (gathered, faint_rays + bright_rays + self.local.len() as u64)
+        let rays = faint_rays + bright_rays + self.local.len() as u64;
+        (gathered, if U::SENDS { rays } else { 0 })
     }
 }
 

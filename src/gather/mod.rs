@@ -18,6 +18,7 @@ pub use smooth::spread_over_elements;
 use crate::direct::{Direct, Faint};
 use crate::elements::Elements;
 use crate::options::GatherOptions;
+use crate::plan::Sight;
 use crate::progress::Progress;
 use crate::scene::Sky;
 use crate::transport::{Hit, Tracer};
@@ -27,6 +28,8 @@ use crate::units::{Irradiance, Radiosity};
 pub struct Surroundings<'a, T, S> {
     /// The world.
     pub tracer: &'a T,
+    /// Where nothing can be seen.
+    pub sight: &'a Sight,
     /// Radiosity of the surface at a hit: reflected light only, emitters are met by the direct light.
     pub radiosity: S,
     /// Radiance of rays that leave.

@@ -4,18 +4,15 @@
 //! only when its whole connected component is the closed outward skin of an opaque solid with nothing in it: then no
 //! light arrives there and nobody could see it. In doubt the back stays.
 
-mod columns;
-mod solid;
 #[cfg(test)]
 mod tests;
 
+use super::bodies::{Bodies, Body, Placed, Sweep};
+use super::columns::Place;
+use super::solid::{Component, Skin};
 use super::{Side, Sides};
-use crate::scene::{Alpha, GeometryId, LampKind, Role, Scene, Surface};
-use columns::Place;
-use glam::{DAffine3, DVec3};
+use crate::scene::{Alpha, LampKind, Role, Scene, Surface};
 use rayon::prelude::*;
-use solid::{Component, Part, Skin, components};
-use std::collections::HashMap;
 
 /// What was found about the back of one double-sided surface.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -44,7 +41,12 @@ pub fn sides(scene: &Scene) -> Vec<Sides> {
 
 /// The sides of every surface of the scene, and why each double-sided back was kept or dropped.
 pub fn sides_with_evidence(scene: &Scene) -> SidesFound {
-    let backs = backs(scene);
+    find(scene, &Bodies::new(scene))
+}
+
+/// The same of bodies that are already known.
+pub(super) fn find(scene: &Scene, bodies: &Bodies) -> SidesFound {
+    let backs = backs(scene, bodies);
     let mut sides: Vec<Sides> = scene
         .surfaces
         .iter()
@@ -62,46 +64,19 @@ pub fn sides_with_evidence(scene: &Scene) -> SidesFound {
 }
 
 /// Whether the material asks for a lit back.
-fn has_back(scene: &Scene, surface: &Surface) -> bool {
+pub(super) fn has_back(scene: &Scene, surface: &Surface) -> bool {
     let material = scene.material(surface);
     material.double_sided && !material.unlit && surface.role != Role::Blocks
 }
 
-/// The surfaces of one node and mesh: materials split a solid thing into several, so they are judged together.
-struct Body {
-    surfaces: Vec<u32>,
-    /// The space its components are found in, to world metres relative to the scene's origin.
-    world_from_shape: DAffine3,
-    shape: usize,
-}
-
-/// One component of one body.
-struct Placed {
-    body: usize,
-    component: usize,
-    min: DVec3,
-    max: DVec3,
-}
-
-/// Spaces that are the same mesh share their components.
-#[derive(PartialEq, Eq, Hash)]
-enum ShapeKey {
-    Geometries(Vec<GeometryId>),
-    /// Deformed: its world positions are not those of its geometry, so it is a shape of its own.
-    Own(usize),
-}
-
-fn backs(scene: &Scene) -> Vec<BackEvidence> {
+fn backs(scene: &Scene, Bodies { bodies, shapes, placed, order }: &Bodies) -> Vec<BackEvidence> {
     if !scene.surfaces.iter().any(|surface| has_back(scene, surface)) {
         return Vec::new();
     }
-    let (bodies, shapes) = bodies(scene);
-    let placed = place(&bodies, &shapes);
-    let order = Sweep::new(&placed);
     let verdicts: Vec<Result<(), String>> = placed
         .par_iter()
         .enumerate()
-        .map(|(i, _)| unreachable_inside(scene, &bodies, &shapes, &placed, &order, i))
+        .map(|(i, _)| unreachable_inside(scene, bodies, shapes, placed, order, i))
         .collect();
 
     let mut reason: Vec<Option<String>> = vec![None; scene.surfaces.len()];
@@ -121,119 +96,6 @@ fn backs(scene: &Scene) -> Vec<BackEvidence> {
         })
     };
     (0..).zip(&scene.surfaces).filter_map(evidence).collect()
-}
-
-/// Groups surfaces into bodies and finds the components of every distinct shape.
-fn bodies(scene: &Scene) -> (Vec<Body>, Vec<Vec<Component>>) {
-    let mut index = HashMap::new();
-    let mut groups: Vec<Vec<u32>> = Vec::new();
-    for (i, surface) in (0..).zip(&scene.surfaces) {
-        let origin = &surface.origin;
-        let pose = surface.world_from_local.to_cols_array().map(f64::to_bits);
-        let key = (origin.node, origin.mesh, origin.instance, pose, surface.mirrored);
-        let group = *index.entry(key).or_insert_with(|| {
-            groups.push(Vec::new());
-            groups.len() - 1
-        });
-        groups[group].push(i);
-    }
-
-    let rigid: Vec<bool> = groups.par_iter().map(|group| group.iter().all(|&i| is_rigid(scene, i))).collect();
-    let mut shape_index = HashMap::new();
-    let mut shape_bodies: Vec<(usize, bool)> = Vec::new();
-    let mut bodies = Vec::with_capacity(groups.len());
-    for (b, surfaces) in groups.into_iter().enumerate() {
-        let at = |&i: &u32| &scene.surfaces[i as usize];
-        let key = match rigid[b] {
-            true => ShapeKey::Geometries(surfaces.iter().map(|i| at(i).geometry).collect()),
-            false => ShapeKey::Own(b),
-        };
-        let shape = *shape_index.entry(key).or_insert_with(|| {
-            shape_bodies.push((b, false));
-            shape_bodies.len() - 1
-        });
-        shape_bodies[shape].1 |= surfaces.iter().any(|i| has_back(scene, at(i)));
-        let world_from_shape = match rigid[b] {
-            true => DAffine3::from_translation(-scene.origin_world) * at(&surfaces[0]).world_from_local,
-            false => DAffine3::IDENTITY,
-        };
-        bodies.push(Body { surfaces, world_from_shape, shape });
-    }
-
-    let find = |&(body, prove): &(usize, bool)| {
-        let part = |&i: &u32| {
-            let surface = &scene.surfaces[i as usize];
-            let geometry = scene.geometry(surface);
-            let (positions, turned) = match rigid[body] {
-                true => (geometry.position_local.as_slice(), false),
-                false => (surface.position_world.as_slice(), surface.mirrored),
-            };
-            Part { positions, triangles: &geometry.triangles, turned }
-        };
-        components(&bodies[body].surfaces.iter().map(part).collect::<Vec<_>>(), prove)
-    };
-    let shapes = shape_bodies.par_iter().map(find).collect();
-    (bodies, shapes)
-}
-
-/// Whether the world positions are the local ones moved by `world_from_local` (they are not under a skin).
-fn is_rigid(scene: &Scene, surface: u32) -> bool {
-    let surface = &scene.surfaces[surface as usize];
-    let frame = DAffine3::from_translation(-scene.origin_world) * surface.world_from_local;
-    let local = &scene.geometry(surface).position_local;
-    let size = surface.position_world.iter().fold(0.0_f32, |m, p| m.max(p.abs().max_element()));
-    let rounding = f64::from(size) * 1e-6;
-    local.len() == surface.position_world.len()
-        && local.iter().zip(&surface.position_world).all(|(&l, &w)| {
-            (frame.transform_point3(l.as_dvec3()) - w.as_dvec3()).abs().max_element() <= rounding
-        })
-}
-
-fn place(bodies: &[Body], shapes: &[Vec<Component>]) -> Vec<Placed> {
-    let mut placed = Vec::new();
-    for (b, body) in bodies.iter().enumerate() {
-        for (c, component) in shapes[body.shape].iter().enumerate() {
-            let (lo, hi) = (component.min, component.max);
-            let corner = |i: usize| {
-                let pick = |axis: usize| if i >> axis & 1 == 1 { hi[axis] } else { lo[axis] };
-                body.world_from_shape.transform_point3(DVec3::new(pick(0), pick(1), pick(2)))
-            };
-            let min = (0..8).map(corner).fold(DVec3::INFINITY, DVec3::min);
-            let max = (0..8).map(corner).fold(DVec3::NEG_INFINITY, DVec3::max);
-            placed.push(Placed { body: b, component: c, min, max });
-        }
-    }
-    placed
-}
-
-/// Boxes in the order of their least x, to find those that overlap another.
-struct Sweep {
-    order: Vec<usize>,
-    /// Greatest x of all boxes up to here.
-    reach: Vec<f64>,
-}
-
-impl Sweep {
-    fn new(placed: &[Placed]) -> Self {
-        let mut order: Vec<usize> = (0..placed.len()).collect();
-        order.sort_by(|&a, &b| placed[a].min.x.total_cmp(&placed[b].min.x));
-        let reach = order.iter().scan(f64::NEG_INFINITY, |reach, &i| {
-            *reach = reach.max(placed[i].max.x);
-            Some(*reach)
-        });
-        let reach = reach.collect();
-        Self { order, reach }
-    }
-
-    fn overlapping<'a>(&'a self, placed: &'a [Placed], item: usize) -> impl Iterator<Item = usize> + 'a {
-        let (min, max) = (placed[item].min, placed[item].max);
-        let first = self.reach.partition_point(|&reach| reach < min.x);
-        let last = self.order.partition_point(|&i| placed[i].min.x <= max.x);
-        self.order[first.min(last)..last]
-            .iter()
-            .copied()
-            .filter(move |&i| i != item && placed[i].min.cmple(max).all() && placed[i].max.cmpge(min).all())
-    }
 }
 
 /// `Ok` when the backs of a component cannot be reached, else why they might be.

@@ -230,10 +230,15 @@ impl Scene {
 
     /// Whether any lamp sends out light.
     pub fn lamps_shine(&self) -> bool {
-        self.lamps.iter().any(|lamp| match lamp.kind {
+        (0..self.lamps.len()).any(|lamp| self.lamp_shines(lamp))
+    }
+
+    /// Whether a lamp sends out light.
+    pub fn lamp_shines(&self, lamp: usize) -> bool {
+        match self.lamps[lamp].kind {
             LampKind::Point { intensity, .. } => intensity.0.max_element() > 0.0,
             LampKind::Sun { irradiance, .. } => irradiance.0.max_element() > 0.0,
-        })
+        }
     }
 
     /// Diffuse reflectance at a point: base colour × texture × vertex colour × (1 − metallic).

@@ -43,6 +43,11 @@ impl SkyImage {
         self
     }
 
+    /// Whether red, green and blue are the same in every pixel.
+    pub fn is_grey(&self) -> bool {
+        self.radiance.iter().all(|pixel| pixel.x == pixel.y && pixel.y == pixel.z)
+    }
+
     /// Width and height in pixels.
     pub fn size(&self) -> [u32; 2] {
         self.size

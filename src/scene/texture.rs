@@ -64,6 +64,16 @@ impl Texture {
         (wanted > 0 && wanted == count).then_some(Self { name, size, pixels, wrap, filter })
     }
 
+    /// Whether red, green and blue are the same in every texel.
+    pub fn is_grey(&self) -> bool {
+        match &self.pixels {
+            Pixels::Srgb8(pixels) | Pixels::Linear8(pixels) => {
+                pixels.iter().all(|[red, green, blue, _]| red == green && green == blue)
+            }
+            Pixels::Float(pixels) => pixels.iter().all(|pixel| pixel.x == pixel.y && pixel.y == pixel.z),
+        }
+    }
+
     /// Width and height in texels.
     pub fn size(&self) -> [u32; 2] {
         self.size

@@ -9,7 +9,7 @@ use crate::options::{FormFactors, SolveOptions};
 use crate::transport::form_factors::hemicube::Hemicube;
 use crate::transport::form_factors::rays::RaySet;
 use crate::transport::form_factors::{Landings, Row, SurfacePoint};
-use crate::transport::{Ray, Tracer};
+use crate::transport::{ClearTracer, Ray, Tracer};
 use crate::units::Radiance;
 use glam::Vec3;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -36,6 +36,8 @@ pub(super) struct Assembler<'a, T, S> {
     set_of: Vec<u8>,
     /// The one of a patch of mean area.
     mean_set: u8,
+    /// Patches that see nothing.
+    open: Vec<bool>,
     rays: AtomicU64,
 }
 
@@ -51,7 +53,7 @@ enum Method<'a, T> {
 impl<'a, T: Tracer, S: Fn(Vec3) -> Radiance + Sync> Assembler<'a, T, S> {
     pub fn new(surfaces: &'a Surfaces<'a, T>, sky: &'a S, options: &SolveOptions) -> Self {
         let mean = options.rays_per_patch.clamp(1, 1 << 16).next_power_of_two();
-        let set_of = set_of(&surfaces.patches.area, mean);
+        let set_of = set_of(&surfaces.patches.area, surfaces.patches.mean_area, mean);
         let mean_set = mean.trailing_zeros() as u8;
         let pairs = |wanted: &(dyn Fn(u32) -> bool + Sync)| {
             Pairs::new(surfaces, Facets::new(surfaces.elements, surfaces.patches, wanted))
@@ -65,7 +67,10 @@ impl<'a, T: Tracer, S: Fn(Vec3) -> Radiance + Sync> Assembler<'a, T, S> {
         let most = set_of.iter().copied().max().unwrap_or(0);
         let sets = (0..=most).map(|log| RaySet::new(1 << log)).collect();
         let area_up_to = area_up_to(surfaces.elements, surfaces.patches);
-        Self { surfaces, sky, method, sets, area_up_to, set_of, mean_set, rays: AtomicU64::new(0) }
+        let sees_nothing =
+            |patch: u32| surfaces.patches.elements_of(patch).iter().all(|&e| surfaces.is_open(e));
+        let open = (0..surfaces.patches.len() as u32).map(sees_nothing).collect();
+        Self { surfaces, sky, method, sets, area_up_to, set_of, mean_set, open, rays: AtomicU64::new(0) }
     }
 
     /// Rays sent so far.
@@ -102,7 +107,22 @@ impl<'a, T: Tracer, S: Fn(Vec3) -> Radiance + Sync> Assembler<'a, T, S> {
         }
     }
 
+    /// The row of a patch that sees nothing but what is beyond the scene: the same rays, none of them sent.
+    fn open_row(&self, patch: u32, row: &mut Row) {
+        let clear = ClearTracer::new(self.surfaces.tracer.world());
+        let beyond = |ray: &Ray, landings: &mut Landings| {
+            let left = clear.walk(ray, |_, _| ()).element_sum() / 3.0;
+            landings.miss(left, (self.sky)(ray.direction).0.to_array());
+        };
+        self.rays_of(patch, beyond, row);
+    }
+
     fn ray_row(&self, patch: u32, row: &mut Row) -> u64 {
+        self.rays_of(patch, |ray, to| self.land(ray, to), row)
+    }
+
+    /// Sends the patch's rays; tells how many.
+    fn rays_of(&self, patch: u32, land: impl Fn(&Ray, &mut Landings), row: &mut Row) -> u64 {
         let range = self.surfaces.patches.range_of(patch);
         let (members, up_to) = (&self.surfaces.patches.elements[range.clone()], &self.area_up_to[range]);
         let whole = up_to.last().copied().unwrap_or(0.0);
@@ -112,7 +132,7 @@ impl<'a, T: Tracer, S: Fn(Vec3) -> Radiance + Sync> Assembler<'a, T, S> {
         };
         let set = &self.sets[usize::from(self.set_of[patch as usize])];
         let mut landings = Landings::for_rays(set.len());
-        set.row(patch, place, |ray, to| self.land(ray, to), &mut landings, row);
+        set.row(patch, place, land, &mut landings, row);
         u64::from(set.len())
     }
 
@@ -134,6 +154,10 @@ impl<T: Tracer, S: Fn(Vec3) -> Radiance + Sync> RowSource for Assembler<'_, T, S
     fn row(&self, patch: usize, row: &mut Row) {
         let number = patch as u32;
         let rays = match &self.method {
+            _ if self.open[patch] => {
+                self.open_row(number, row);
+                0
+            }
             Method::Rays => self.ray_row(number, row),
             Method::Hemicubes(cube) => self.hemicube_row(cube, number, row),
             Method::Closed(pairs) => {
@@ -176,9 +200,8 @@ fn area_up_to(elements: &Elements, patches: &Patches) -> Vec<f32> {
 
 /// Logarithms of the rays that patches send: `mean` (a power of two) for one of mean area. What a patch sends and receives grows with
 /// its area, and its noise with the root of its rays.
-fn set_of(area: &[f64], mean: u32) -> Vec<u8> {
+fn set_of(area: &[f64], mean_area: f64, mean: u32) -> Vec<u8> {
     let fewest = (mean / FEWEST_SHARE).max(FEWEST).min(mean);
-    let mean_area = area.iter().sum::<f64>() / area.len().max(1) as f64;
     area.iter()
         .map(|area| {
             let wanted = f64::from(mean) * (area / mean_area).sqrt();
@@ -193,13 +216,13 @@ mod tests {
 
     #[test]
     fn small_patches_send_few_rays_and_equal_ones_the_same() {
-        assert_eq!(set_of(&[3.0; 5], 64), [6; 5]);
-        assert_eq!(set_of(&[], 64), [0u8; 0]);
+        assert_eq!(set_of(&[3.0; 5], 3.0, 64), [6; 5]);
+        assert_eq!(set_of(&[], 0.0, 64), [0u8; 0]);
         let mut area = vec![1.0; 100];
         area[0] = 1e-9;
         area[1] = 1e9;
-        let sets = set_of(&area, 64);
+        let sets = set_of(&area, area.iter().sum::<f64>() / 100.0, 64);
         assert_eq!((sets[0], sets[1]), (3, 7));
-        assert_eq!(set_of(&[1.0, 1e-9], 1)[1], 0);
+        assert_eq!(set_of(&[1.0, 1e-9], 0.5, 1)[1], 0);
     }
 }

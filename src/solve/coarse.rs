@@ -6,6 +6,7 @@ use crate::direct::{Direct, Faint};
 use crate::elements::{Elements, Lookup, Patches};
 use crate::error::Result;
 use crate::options::SolveOptions;
+use crate::plan::Sight;
 use crate::progress::Progress;
 use crate::transport::Tracer;
 use crate::transport::form_factors::Row;
@@ -22,8 +23,17 @@ pub struct Surfaces<'a, T> {
     pub lookup: &'a Lookup<'a>,
     /// Shooters.
     pub patches: &'a Patches,
+    /// Where nothing can be seen.
+    pub sight: &'a Sight,
     /// The world.
     pub tracer: &'a T,
+}
+
+impl<T> Surfaces<'_, T> {
+    /// Whether all rays of an element leave the scene.
+    pub fn is_open(&self, element: u32) -> bool {
+        self.elements.is_open(element, self.sight)
+    }
 }
 
 /// What shines on the patches from outside the coarse solution.
@@ -36,7 +46,8 @@ pub struct Sources<'a, S> {
     pub sky: S,
 }
 
-/// The coarse solution.
+/// The coarse solution; by default of nothing.
+#[derive(Default)]
 pub struct Coarse {
     /// Irradiance of each patch that no bright emitter sent straight: sky, faint emitters, other patches.
     pub irradiance: Vec<Irradiance>,

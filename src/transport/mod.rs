@@ -25,7 +25,7 @@ mod world;
 mod tests;
 
 pub use offset::{offset_origin, segment, segment_to_surface};
-pub use tracer::{AnyTracer, CutoutTracer, OpaqueTracer, TintedTracer};
+pub use tracer::{AnyTracer, ClearTracer, CutoutTracer, OpaqueTracer, TintedTracer};
 pub use world::{Blocking, World};
 
 pub mod form_factors;
@@ -76,6 +76,9 @@ pub struct Hit {
 /// Of several surfaces at the same distance the one of the lowest triangle index counts first: every answer is the
 /// same for any thread count, tree and processor.
 pub trait Tracer: Sync {
+    /// Whether rays are sent at all; where not, all of them pass.
+    const SENDS: bool = true;
+
     /// The triangles it sends rays through.
     fn world(&self) -> &World;
 

@@ -68,6 +68,46 @@ impl<'a> OpaqueTracer<'a> {
     }
 }
 
+/// A tracer for places where nothing stands in the way: every ray passes, none is sent.
+pub struct ClearTracer<'a> {
+    world: &'a World,
+}
+
+impl<'a> ClearTracer<'a> {
+    /// Of a world whose triangles are known not to be in the way.
+    pub fn new(world: &'a World) -> Self {
+        Self { world }
+    }
+}
+
+impl Tracer for ClearTracer<'_> {
+    const SENDS: bool = false;
+
+    fn world(&self) -> &World {
+        self.world
+    }
+
+    #[inline]
+    fn closest(&self, _: &Ray) -> Option<Hit> {
+        None
+    }
+
+    #[inline]
+    fn occluded(&self, _: &Ray) -> bool {
+        false
+    }
+
+    #[inline]
+    fn transmittance(&self, _: &Ray) -> Vec3 {
+        Vec3::ONE
+    }
+
+    #[inline]
+    fn walk(&self, _: &Ray, _: impl FnMut(&Hit, Vec3)) -> Vec3 {
+        Vec3::ONE
+    }
+}
+
 impl Tracer for OpaqueTracer<'_> {
     fn world(&self) -> &World {
         self.world

@@ -27,7 +27,66 @@ pub(super) struct Columns {
     tolerance: f64,
 }
 
+/// A point counts as on a surface within this share of the component's diagonal.
+const ON_SURFACE: f64 = 1e-5;
+
 impl Columns {
+    /// The same with the tolerance that all proofs use.
+    pub(super) fn of(triangles: Vec<[DVec3; 3]>, corners: Vec<[u32; 3]>) -> Self {
+        let all = || triangles.iter().flatten().copied();
+        let min = all().fold(DVec3::INFINITY, DVec3::min);
+        let max = all().fold(DVec3::NEG_INFINITY, DVec3::max);
+        Self::new(triangles, corners, ON_SURFACE * min.distance(max))
+    }
+
+    /// The distance within which a point is on the surface.
+    pub(super) fn tolerance(&self) -> f64 {
+        self.tolerance
+    }
+
+    /// Triangles whose boxes come within the tolerance of a box; some of them twice.
+    pub(super) fn near(&self, min: DVec3, max: DVec3) -> impl Iterator<Item = usize> + '_ {
+        let (low, high) = (self.cell(self.flat(min)), self.cell(self.flat(max)));
+        let rows = if self.reaches(min, max) { low[1]..high[1] + 1 } else { 0..0 };
+        let cells = rows.flat_map(move |y| (low[0]..=high[0]).map(move |x| y * self.cells[0] + x));
+        let entries = cells.flat_map(|i| &self.entries[self.start[i] as usize..self.start[i + 1] as usize]);
+        entries.map(|&t| t as usize).filter(move |&t| {
+            let [a, b, c] = self.triangles[t];
+            let (low, high) = (a.min(b).min(c) - self.tolerance, a.max(b).max(c) + self.tolerance);
+            low.cmple(max).all() && high.cmpge(min).all()
+        })
+    }
+
+    /// Whether a triangle gets through triangle `t` by more than the tolerance: no axis parts them (Ericson,
+    /// Real-Time Collision Detection, 5.2.10).
+    pub(super) fn crosses(&self, t: usize, triangle: &[DVec3; 3]) -> bool {
+        let edges = |[a, b, c]: &[DVec3; 3]| [*b - *a, *c - *b, *a - *c];
+        let (one, other) = (&self.triangles[t], triangle);
+        let (ones, others) = (edges(one), edges(other));
+        let normals = [ones[0].cross(ones[1]), others[0].cross(others[1])];
+        let between = ones.iter().flat_map(|a| others.iter().map(|b| a.cross(*b)));
+        let inside =
+            ones.iter().map(|e| normals[0].cross(*e)).chain(others.iter().map(|e| normals[1].cross(*e)));
+        let parts = |axis: DVec3| {
+            let Some(axis) = axis.try_normalize() else { return false };
+            let range = |corners: &[DVec3; 3]| {
+                let along = corners.map(|corner| axis.dot(corner - one[0]));
+                (along[0].min(along[1]).min(along[2]), along[0].max(along[1]).max(along[2]))
+            };
+            let (a, b) = (range(one), range(other));
+            a.1 <= b.0 + self.tolerance || b.1 <= a.0 + self.tolerance
+        };
+        !normals.into_iter().chain(between).chain(inside).any(parts)
+    }
+
+    /// Whether any triangle comes nearer to a point than `reach`.
+    pub(super) fn is_near(&self, p: DVec3, reach: f64) -> bool {
+        let reach = reach + self.tolerance;
+        let slack = DVec3::splat(reach);
+        self.reaches(p - slack, p + slack)
+            && self.triangles.iter().any(|t| distance_squared(p, t) <= reach * reach)
+    }
+
     /// `corners` hold ids of welded vertices; `tolerance` is the distance within which a point is on the surface.
     pub(super) fn new(triangles: Vec<[DVec3; 3]>, corners: Vec<[u32; 3]>, tolerance: f64) -> Self {
         let all = || triangles.iter().flatten().copied();

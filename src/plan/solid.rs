@@ -27,6 +27,8 @@ pub(super) struct Component {
     pub(super) triangles: Vec<(u32, u32)>,
     pub(super) min: DVec3,
     pub(super) max: DVec3,
+    /// Corners of the triangles, as wound from the front, in the space of the shape.
+    pub(super) corners: Vec<[DVec3; 3]>,
     /// Present when `skin` is closed.
     pub(super) columns: Option<Columns>,
 }
@@ -39,8 +41,6 @@ pub(super) struct Part<'a> {
     pub(super) turned: bool,
 }
 
-/// A point counts as on a surface within this share of the component's diagonal.
-const ON_SURFACE: f64 = 1e-5;
 /// The most triangle tests a proof may take.
 const MOST_TESTS: f64 = 4e8;
 
@@ -74,17 +74,17 @@ pub(super) fn components(parts: &[Part], prove: bool) -> Vec<Component> {
     };
     let build = |(skin, members): (Skin, Vec<usize>)| {
         let corner = |&row: &usize| [0, 1, 2].map(|i| at(rows[row].0, rows[row].1, i));
-        let triangles: Vec<[DVec3; 3]> = members.iter().map(corner).collect();
-        let all = || triangles.iter().flatten().copied();
+        let corners: Vec<[DVec3; 3]> = members.iter().map(corner).collect();
+        let all = || corners.iter().flatten().copied();
         let min = all().fold(DVec3::INFINITY, DVec3::min);
         let max = all().fold(DVec3::NEG_INFINITY, DVec3::max);
         let ids = members.iter().map(|&row| rows[row].2).collect();
         let (skin, columns) = match skin {
-            Skin::Closed if prove => outward(triangles, ids, ON_SURFACE * min.distance(max)),
+            Skin::Closed if prove => outward(corners.clone(), ids),
             other => (other, None),
         };
         let triangles = members.iter().map(|&row| (rows[row].0, rows[row].1)).collect();
-        Component { skin, triangles, min, max, columns }
+        Component { skin, triangles, min, max, corners, columns }
     };
     groups.into_iter().map(build).collect()
 }
@@ -169,13 +169,14 @@ fn join(root: &mut [u32], a: u32, b: u32) {
 
 /// Whether a closed skin is outward everywhere: its volume is positive, and no point just in front of a triangle is
 /// wound around negatively. Then every back lies where the winding number is at least one, cut off from infinity.
-fn outward(triangles: Vec<[DVec3; 3]>, ids: Vec<[u32; 3]>, tolerance: f64) -> (Skin, Option<Columns>) {
+fn outward(triangles: Vec<[DVec3; 3]>, ids: Vec<[u32; 3]>) -> (Skin, Option<Columns>) {
     let (volume, area) = volume_and_area(triangles.iter().copied());
+    let columns = Columns::of(triangles, ids);
+    let tolerance = columns.tolerance();
     // A skin thinner than the tolerance everywhere encloses nothing that can be told from its surface.
     if volume.is_nan() || volume <= 0.01 * tolerance * area {
         return (Skin::Inward, None);
     }
-    let columns = Columns::new(triangles, ids, tolerance);
     if columns.cost() * 4.0 * columns.triangles().len() as f64 > MOST_TESTS {
         return (Skin::Intricate, None);
     }
