@@ -235,7 +235,8 @@ fn shine<T: Tracer>(
 ) -> Result<Lit> {
     let effort = &options.light;
     let (elements, noticed) = log.stage(Stage::Elements, 1, |progress| {
-        let (elements, noticed) = elements::rasterise(scene, &atlas, tracer, progress)?;
+        let back_counts = |surface: usize| !plan.by_force[surface][1];
+        let (elements, noticed) = elements::rasterise(scene, &atlas, &back_counts, tracer, progress)?;
         let rays = noticed.rays;
         Ok(((elements, noticed), rays))
     })?;

@@ -38,13 +38,15 @@ pub struct Noticed {
 /// Every texel whose square a chart overlaps becomes an element; the areas of a chart's elements add up to the
 /// chart's. Elements stand in the order of their charts, in a chart by row, then column; charts without area have
 /// none and are left out. The page maps name the first chart's element where two charts claim a texel (packing keeps
-/// them apart).
+/// them apart). `back_counts` says of each surface with a lit back whether a sample may lie behind it: not where the back
+/// is the inside of something solid and lit in vain.
 ///
 /// # Errors
 /// [`Error::TooLarge`] when there are more than 2³² − 1 elements; [`Error::Cancelled`].
 pub fn rasterise<T: Tracer>(
     scene: &Scene,
     atlas: &Atlas,
+    back_counts: &dyn Fn(usize) -> bool,
     tracer: &T,
     progress: &mut Progress,
 ) -> Result<(Elements, Noticed)> {
@@ -54,7 +56,10 @@ pub fn rasterise<T: Tracer>(
     let (bands, lists) = bands(&charts, &rectangles);
     let tasks = tasks(&bands);
     progress.restart(tasks.len() as u64);
-    let work = Work { judge: Judge::new(scene, atlas, tracer), footprints: Footprints::new(scene, atlas) };
+    let work = Work {
+        judge: Judge::new(scene, atlas, back_counts, tracer),
+        footprints: Footprints::new(scene, atlas),
+    };
 
     let mut elements = Elements::default();
     let mut counts = vec![Counts::default(); scene.surfaces.len()];

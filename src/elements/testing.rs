@@ -166,7 +166,7 @@ impl Stand {
         let mut progress = Progress::begin(&Silent, &cancel, Stage::Elements, 0);
         let world = self.world();
         with_tracer!(world.tracer(&self.scene), tracer => {
-            rasterise(&self.scene, &self.atlas, tracer, &mut progress).unwrap()
+            rasterise(&self.scene, &self.atlas, &|_| true, tracer, &mut progress).unwrap()
         })
     }
 }

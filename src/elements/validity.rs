@@ -75,10 +75,15 @@ const COVERS: f32 = 0.7;
 const MOST_PASSED: u32 = 8;
 
 impl<'a, T: Tracer> Judge<'a, T> {
-    pub(super) fn new(scene: &'a Scene, atlas: &Atlas, tracer: &'a T) -> Self {
+    pub(super) fn new(
+        scene: &'a Scene,
+        atlas: &Atlas,
+        back_counts: &dyn Fn(usize) -> bool,
+        tracer: &'a T,
+    ) -> Self {
         let matter = |(i, surface): (usize, &crate::scene::Surface)| {
             let material = scene.material(surface);
-            let lit = atlas.backs.get(i).is_some_and(Option::is_some);
+            let lit = atlas.backs.get(i).is_some_and(Option::is_some) && back_counts(i);
             // Nobody asked whether a double-sided thing that only blocks is solid: it may be a leaf.
             let leaf = material.double_sided && (surface.role == Role::Blocks || material.unlit);
             match material.alpha {

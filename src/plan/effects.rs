@@ -15,7 +15,7 @@ pub struct Finding {
     pub effect: Effect,
     /// Whether it is simulated.
     pub on: bool,
-    /// Whether it is simulated only because that was asked for.
+    /// Whether it, or a part of it, is simulated only because that was asked for.
     pub forced: bool,
     /// Why the scene calls for it or not, in the artist's words.
     pub reason: String,
@@ -132,7 +132,7 @@ pub(super) fn findings(facts: &Facts) -> Vec<Finding> {
     };
     let finding = |effect: Effect| {
         let (called, reason, evidence) = call(effect);
-        let forced = !called && can_be_forced(facts, effect) && facts.wanted.forced.has(effect);
+        let forced = can_be_forced(facts, effect, called) && facts.wanted.forced.has(effect);
         let on = called || forced;
         let saves = if on { String::new() } else { saves(facts, effect).to_owned() };
         Finding { effect, on, forced, reason, evidence, saves }
@@ -140,8 +140,9 @@ pub(super) fn findings(facts: &Facts) -> Vec<Finding> {
     Effect::ALL.into_iter().map(finding).collect()
 }
 
-/// Whether there is anything that could be computed in vain: an image that is not there cannot be read.
-fn can_be_forced(facts: &Facts, effect: Effect) -> bool {
+/// Whether there is anything that could be computed in vain: an image that is not there cannot be read, and what is
+/// called for is not in vain.
+fn can_be_forced(facts: &Facts, effect: Effect, called: bool) -> bool {
     match effect {
         Effect::TexturedEmission | Effect::AlbedoTextures | Effect::SmoothNormals | Effect::Instancing => {
             false
@@ -151,12 +152,13 @@ fn can_be_forced(facts: &Facts, effect: Effect) -> bool {
         Effect::UnseenSurfaces => facts.lit != facts.sides,
         Effect::LightBetweenRooms => facts.rooms.len() > 1,
         Effect::FarLamps => facts.idle.iter().flatten().any(|idle| *idle != Idle::Black),
-        _ => true,
+        Effect::Shadows | Effect::Penumbras => !facts.sight.is_empty(),
+        _ => !called,
     }
 }
 
 fn saves(facts: &Facts, effect: Effect) -> &'static str {
-    if !can_be_forced(facts, effect) {
+    if !can_be_forced(facts, effect, false) {
         return match effect {
             Effect::Sky | Effect::BackFaces | Effect::FarLamps => "nothing to leave out",
             _ => "no lookups, no memory",

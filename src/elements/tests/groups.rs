@@ -92,7 +92,7 @@ fn many_charts_share_patches() {
 fn charts_share_no_patch_while_they_are_few() {
     let stand = crowd(300);
     let elements = stand.elements();
-    let patches = patches(&elements, 10);
+    let patches = patches(&elements, 10, |_| true);
     for patch in 0..patches.len() as u32 {
         let charts: Vec<u32> =
             patches.elements_of(patch).iter().map(|&e| elements.chart[e as usize]).collect();
@@ -114,7 +114,7 @@ fn the_number_of_threads_changes_nothing() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let elements = stand.elements();
-            let patches = patches(&elements, 700);
+            let patches = patches(&elements, 700, |_| true);
             (elements, patches)
         })
     };
