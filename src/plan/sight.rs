@@ -3,6 +3,8 @@
 //! A triangle stands between two points only if they are on different sides of its plane. So where nothing at all is in
 //! front of a triangle's plane, nothing is seen from it and nothing shades it; and where every plane of a room has
 //! everything on one side of it, every point of the room sees every other: the room is convex and empty.
+//!
+//! Where another object touches the plane, rays that graze it meet the other or not as rounding has it: such a side is not called open.
 
 use super::rooms::{Rooms, meet};
 use super::{Side, Sides};
@@ -111,7 +113,7 @@ pub(super) fn sight(
         let within = |surface: u32| rooms.of_side[surface as usize].iter().any(|side| meet(side, set));
         let here: Vec<&Plane> = planes.iter().filter(|plane| within(plane.surface)).collect();
         let points = points(scene, &within);
-        let Some(found) = look(&here, &points, &mut pairs) else { continue };
+        let Some(found) = look(scene, &here, &points, &mut pairs) else { continue };
         let lamps: Vec<(DVec3, f64)> = scene
             .lamps
             .iter()
@@ -127,11 +129,11 @@ pub(super) fn sight(
             .collect();
         let distant =
             lamps.iter().any(|lamp| lamp.0.is_nan()) || suns_in_sky && set.contains(&Rooms::OUTSIDE);
-        let one_sided = |(plane, seen): (&&Plane, &[bool; 2])| {
+        let one_sided = |(plane, seen): (&&Plane, &Seen)| {
             let beyond = |side: f64| {
                 lamps.iter().any(|&(at, radius)| side * plane.normal.dot(at - plane.corner) > -radius)
             };
-            !(seen[0] || beyond(1.0)) || !(seen[1] || beyond(-1.0))
+            !(seen.beyond[0] || beyond(1.0)) || !(seen.beyond[1] || beyond(-1.0))
         };
         let convex = !distant && here.iter().zip(&found).all(one_sided);
         let mut lit: Vec<[bool; 2]> = vec![[false; 2]; scene.surfaces.len()];
@@ -140,7 +142,7 @@ pub(super) fn sight(
             let bits = &mut sight.of_triangle[plane.triangle as usize];
             for side in 0..2 {
                 if lit[plane.surface as usize][side] {
-                    *bits |= if seen[side] { 0 } else { OPEN[side] };
+                    *bits |= if seen.touching[side] { 0 } else { OPEN[side] };
                     *bits |= if convex { CLEAR[side] } else { 0 };
                 }
             }
@@ -173,49 +175,73 @@ fn planes(scene: &Scene) -> (Vec<Plane>, usize) {
     (planes, count)
 }
 
+/// A corner of something.
+#[derive(Clone, Copy)]
+struct Point {
+    at: DVec3,
+    /// glTF node.
+    owner: usize,
+}
+
+/// What there is before and behind a plane.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    /// Anything in front, behind.
+    beyond: [bool; 2],
+    /// The same, or another object on the plane.
+    touching: [bool; 2],
+}
+
 /// Corners of everything within, each once.
-fn points(scene: &Scene, within: &dyn Fn(u32) -> bool) -> Vec<DVec3> {
-    let mut bits: Vec<[u32; 3]> = Vec::new();
+fn points(scene: &Scene, within: &dyn Fn(u32) -> bool) -> Vec<Point> {
+    let mut bits: Vec<([u32; 3], usize)> = Vec::new();
     for (index, surface) in (0..).zip(&scene.surfaces) {
         if within(index) {
             let lawful = surface.position_world.iter().filter(|p| p.abs().max_element() <= FARTHEST);
-            bits.extend(lawful.map(|p| p.to_array().map(f32::to_bits)));
+            bits.extend(lawful.map(|p| (p.to_array().map(f32::to_bits), surface.origin.node)));
         }
     }
     bits.sort_unstable();
     bits.dedup();
-    bits.into_iter().map(|p| DVec3::from_array(p.map(|x| f64::from(f32::from_bits(x))))).collect()
+    let point = |(bits, owner): ([u32; 3], usize)| Point {
+        at: DVec3::from_array(bits.map(|x| f64::from(f32::from_bits(x)))),
+        owner,
+    };
+    bits.into_iter().map(point).collect()
 }
 
-/// Whether anything is in front of, and behind, each plane; `None` where that costs too much to find out.
-fn look(planes: &[&Plane], points: &[DVec3], pairs: &mut usize) -> Option<Vec<[bool; 2]>> {
-    let size = points.iter().fold(0.0_f64, |size, p| size.max(p.abs().max_element()));
+/// What is in front of, and behind, each plane; `None` where that costs too much to find out.
+fn look(scene: &Scene, planes: &[&Plane], points: &[Point], pairs: &mut usize) -> Option<Vec<Seen>> {
+    let size = points.iter().fold(0.0_f64, |size, p| size.max(p.at.abs().max_element()));
     let near = ON_PLANE * size;
     // Most planes have an extreme point on either side.
     let directions =
         (0..27).map(|i| DVec3::new(f64::from(i % 3 - 1), f64::from(i / 3 % 3 - 1), f64::from(i / 9 - 1)));
     let farthest = |direction: DVec3| {
-        let by_reach = |a: &&DVec3, b: &&DVec3| direction.dot(**a).total_cmp(&direction.dot(**b));
+        let by_reach = |a: &&Point, b: &&Point| direction.dot(a.at).total_cmp(&direction.dot(b.at));
         points.iter().max_by(by_reach).copied()
     };
-    let extremes: Vec<DVec3> = directions.filter_map(farthest).collect();
-    let seen = |plane: &Plane, among: &[DVec3]| {
-        let mut seen = [false; 2];
+    let extremes: Vec<Point> = directions.filter_map(farthest).collect();
+    let seen = |plane: &Plane, among: &[Point]| {
+        let own = scene.surfaces[plane.surface as usize].origin.node;
+        let mut seen = Seen::default();
         for point in among {
-            let height = plane.normal.dot(*point - plane.corner);
-            seen[0] |= height > near;
-            seen[1] |= height < -near;
-            if seen == [true; 2] {
+            let height = plane.normal.dot(point.at - plane.corner);
+            let other = point.owner != own;
+            for (side, height) in [height, -height].into_iter().enumerate() {
+                seen.beyond[side] |= height > near;
+                seen.touching[side] |= height > near || other && height >= -near;
+            }
+            if seen.beyond == [true; 2] {
                 break;
             }
         }
         seen
     };
-    let mut found: Vec<[bool; 2]> = planes.par_iter().map(|plane| seen(plane, &extremes)).collect();
-    let open = found.iter().filter(|seen| **seen != [true; 2]).count();
+    let mut found: Vec<Seen> = planes.par_iter().map(|plane| seen(plane, &extremes)).collect();
+    let open = found.iter().filter(|seen| seen.beyond != [true; 2]).count();
     *pairs = pairs.checked_sub(open.checked_mul(points.len())?)?;
-    found.par_iter_mut().zip(planes).filter(|(found, _)| **found != [true; 2]).for_each(|(found, plane)| {
-        *found = seen(plane, points);
-    });
+    let unsure = found.par_iter_mut().zip(planes).filter(|(found, _)| found.beyond != [true; 2]);
+    unsure.for_each(|(found, plane)| *found = seen(plane, points));
     Some(found)
 }
