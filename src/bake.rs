@@ -205,12 +205,16 @@ pub fn light(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Lit> {
     })?
 }
 
-fn light_into(scene: &Scene, options: &BakeOptions, log: &mut Log) -> Result<Lit> {
-    let wanted = Wanted {
+/// What the plan is made for.
+pub fn wanted(options: &BakeOptions) -> Wanted {
+    Wanted {
         forced: options.effects.clone(),
         direct_alone: options.export.light == LightPart::Direct && options.export.preview.is_none(),
-    };
-    let plan = log.stage(Stage::Plan, 1, |_| Ok((plan::plan(scene, &wanted), 0)))?;
+    }
+}
+
+fn light_into(scene: &Scene, options: &BakeOptions, log: &mut Log) -> Result<Lit> {
+    let plan = log.stage(Stage::Plan, 1, |_| Ok((plan::plan(scene, &wanted(options)), 0)))?;
     let geometries = scene.geometries.len() as u64;
     let atlas = log.stage(Stage::Atlas, geometries, |progress| {
         Ok((atlas::unwrap(scene, &plan.sides, &options.atlas, progress)?, 0))

@@ -40,6 +40,7 @@ pub mod render;
 pub mod check;
 
 pub mod bake;
+pub mod forecast;
 mod memory;
 pub mod report;
 pub mod study;

@@ -16,6 +16,7 @@ fn main() -> ExitCode {
     match cli.command {
         Command::Bake(args) => cli::failure::guarded(args.run.verbose, || cli::bake::run(&args)),
         Command::Check(args) => cli::failure::guarded(args.verbose, || cli::check::run(&args)),
+        Command::Plan(args) => cli::failure::guarded(false, || cli::plan::run(&args)),
         Command::Study(args) => cli::failure::guarded(false, || cli::study::run(&args)),
         Command::Render(args) => cli::failure::guarded(false, || cli::render::run(&args)),
     }

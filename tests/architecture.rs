@@ -12,7 +12,7 @@ const COMMON: [&str; 6] = ["error", "units", "options", "progress", "sampling", 
 
 /// Which module may name which others, besides [`COMMON`]. A stage never names a later one. A file may have a row of
 /// its own, which then counts instead of its module's.
-const MAY_NAME: [(&str, &[&str]); 30] = [
+const MAY_NAME: [(&str, &[&str]); 31] = [
     ("error", &[]),
     ("units", &[]),
     ("options", &[]),
@@ -40,8 +40,9 @@ const MAY_NAME: [(&str, &[&str]); 30] = [
     ("memory", &["scene", "plan", "atlas"]),
     ("report", &["plan"]),
     ("bake", &[STAGES, "report"]),
-    ("study", &[STAGES, "report", "bake"]),
-    ("cli", &[STAGES, "report", "bake", "study"]),
+    ("forecast", &[STAGES, "report", "bake"]),
+    ("study", &[STAGES, "report", "bake", "forecast"]),
+    ("cli", &[STAGES, "report", "bake", "forecast", "study"]),
     ("main", &["cli"]),
 ];
 

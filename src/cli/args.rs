@@ -1,6 +1,7 @@
 //! What can be typed. Every default is read from the library.
 
 use super::check::CheckArgs;
+use super::plan::PlanArgs;
 use super::render::RenderArgs;
 use super::study::StudyArgs;
 use super::values::{self, Effects, Pick, Sky};
@@ -18,6 +19,7 @@ Examples:
   lightkiln bake house.glb --sky 0.35,0.55,1.0           a blue sky around the scene
   lightkiln bake house.glb --sky noon.hdr,0.5            an image of a sky at half strength
   lightkiln bake room.glb --preview lit.glb              also a file that stock Blender shows lit
+  lightkiln plan room.glb                                which effects the scene calls for, seconds, memory
   lightkiln render room.baked.glb -o room.png            a picture of the result";
 
 const EXIT_CODES: &str = "\
@@ -42,6 +44,8 @@ pub enum Command {
     Render(RenderArgs),
     /// Examine a baked file: texture space, pages, units, seams
     Check(CheckArgs),
+    /// Tell which effects a scene calls for, why, and what baking it will take
+    Plan(Box<PlanArgs>),
     /// Bake scenes many times over and show what comes of it
     Study(Box<StudyArgs>),
 }

@@ -12,6 +12,7 @@ pub mod failure;
 mod interrupt;
 mod job;
 mod memory;
+pub mod plan;
 mod progress;
 pub mod render;
 pub mod study;

@@ -136,6 +136,6 @@ fn show(study: &Study, out: Option<&Path>) -> Result<()> {
 }
 
 /// Columns of the terminal; plenty where there is none.
-fn terminal_width() -> u16 {
+pub fn terminal_width() -> u16 {
     terminal_size::terminal_size().map_or(240, |(columns, _)| columns.0.max(80))
 }

@@ -1,0 +1,135 @@
+//! `lightkiln plan`.
+
+use super::args::{AtlasArgs, EffectArgs, SceneArgs};
+use super::failure;
+use super::memory;
+use super::study::terminal_width;
+use super::values::{self, Pick};
+use clap::Args;
+use lightkiln::bake::Run;
+use lightkiln::forecast::{Forecast, forecast};
+use lightkiln::options::{BakeOptions, Quality};
+use lightkiln::study::{Cell, Row, Sheet};
+use lightkiln::text::{bytes, count, duration, plural, printable, significant};
+use lightkiln::{Error, Result, import};
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+const EXAMPLES: &str = "\
+Examples:
+  lightkiln plan room.glb                    which effects, why, and what the bake will take
+  lightkiln plan room.glb --quality high     the same of another effort
+  lightkiln plan room.glb --json > plan.json for programs
+
+Texture space is made, and two small trials are baked, to tell the time; nothing is written.";
+
+/// The arguments of `plan`, as typed.
+#[derive(Debug, Args)]
+#[command(arg_required_else_help = true, after_help = EXAMPLES)]
+pub struct PlanArgs {
+    /// The scene, a .glb or .gltf file
+    #[arg(value_name = "SCENE")]
+    pub input: PathBuf,
+
+    /// How much effort goes into the light
+    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = Pick(Quality::default()))]
+    pub quality: Pick<Quality>,
+
+    /// Print the plan as JSON
+    #[arg(long)]
+    pub json: bool,
+
+    /// Texture space.
+    #[command(flatten)]
+    pub atlas: AtlasArgs,
+
+    /// How the scene is read.
+    #[command(flatten)]
+    pub scene: SceneArgs,
+
+    /// Which effects are simulated.
+    #[command(flatten)]
+    pub effects: EffectArgs,
+
+    /// Worker threads [default: one per core]
+    #[arg(long, value_name = "NUMBER", value_parser = values::threads())]
+    pub threads: Option<u16>,
+}
+
+/// Plans, prints, and returns the exit code.
+pub fn run(args: &PlanArgs) -> ExitCode {
+    match foresee(args).and_then(|forecast| print(&forecast, args.json)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => failure::error(&error, &args.input),
+    }
+}
+
+fn foresee(args: &PlanArgs) -> Result<Forecast> {
+    let started = Instant::now();
+    let options = BakeOptions {
+        import: args.scene.import(),
+        atlas: args.atlas.atlas(),
+        light: args.quality.0.light(),
+        effects: args.effects.effects.0.forced(),
+        ..BakeOptions::default()
+    };
+    let (_, scene) = import::load(&args.input, &options.import)?;
+    let run = Run {
+        threads: args.threads.map(usize::from),
+        clock: &|| started.elapsed().as_secs_f64(),
+        memory: &memory::peak_bytes,
+        ..Run::default()
+    };
+    forecast(&scene, &options, &run)
+}
+
+fn print(forecast: &Forecast, json: bool) -> Result<()> {
+    let to_stdout = |error| Error::io("standard output", error);
+    let text = if json {
+        let value = serde_json::json!({ "seconds": forecast.seconds(), "forecast": forecast });
+        format!("{value:#}\n")
+    } else {
+        table(forecast)
+    };
+    std::io::stdout().lock().write_all(text.as_bytes()).map_err(to_stdout)
+}
+
+fn table(forecast: &Forecast) -> String {
+    let rows = forecast.effects.iter().map(|finding| {
+        let state = match (finding.on, finding.forced) {
+            (true, true) => "forced",
+            (true, false) => "on",
+            (false, _) => "off",
+        };
+        let cells: [Cell; 4] = [
+            finding.effect.name().into(),
+            state.into(),
+            printable(&finding.reason).into(),
+            finding.saves.as_str().into(),
+        ];
+        Row::plain(cells.to_vec())
+    });
+    let sheet = Sheet {
+        name: "plan",
+        title: "Effects".to_owned(),
+        columns: vec!["effect", "", "why", "what that saves"],
+        rows: rows.collect(),
+    };
+    let stages =
+        forecast.stages.iter().map(|(stage, seconds)| format!("{} {}", stage.name(), duration(*seconds)));
+    let Forecast { pages, page_size_texels: size, elements, patches, rays, .. } = forecast;
+    format!(
+        "{}\n{} of {size} × {size}, {} texels per metre\nabout {} texels, {}, {} rays\nabout {} ({})\nabout {} of memory\n",
+        sheet.screen(terminal_width()),
+        plural((*pages).into(), "page"),
+        significant(forecast.density_texels_per_m.into()),
+        count(*elements),
+        format!("{} patches", count(*patches)),
+        count(*rays),
+        duration(forecast.seconds()),
+        stages.collect::<Vec<_>>().join(", "),
+        bytes(forecast.memory_bytes),
+    )
+}
