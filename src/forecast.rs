@@ -90,7 +90,14 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
 
         let shares = [&small, &large].map(|lit| f64::from(lit.atlas.density) / f64::from(atlas.density));
         let texels = [&small, &large].map(|lit| lit.elements.len() as f64);
-        let elements = grown(shares, texels);
+        let hidden = [&small, &large].map(|lit| {
+            let charts = lit.elements.charts.iter().filter(|chart| !chart.exported);
+            charts.map(|chart| chart.elements.len()).sum::<usize>() as f64
+        });
+        let pages = atlas.pages.iter().filter(|page| page.exported);
+        let covered: f64 =
+            pages.map(|page| f64::from(page.size_texels).powi(2) * f64::from(atlas.fill)).sum();
+        let elements = covered + grown(shares, hidden);
         let mut stages = vec![(Stage::Plan, planned - started), (Stage::Atlas, unwrapped - planned)];
         let (mut rays, mut patches) = (0.0, large.light.patches as f64);
         for stage in [Stage::Transport, Stage::Elements, Stage::Direct, Stage::Solve, Stage::Gather] {

@@ -66,8 +66,9 @@ struct Grid<'a> {
     elements: &'a Elements,
     width: usize,
     height: usize,
-    /// Texel of the grid's corner on the page (may be negative at page borders).
-    origin: [i32; 2],
+    /// Texel of the grid's corner, counted from the chart's (may be negative): where a chart lies on its page must
+    /// not change its light.
+    origin_in_chart: [i32; 2],
     id: Vec<u32>,
     receiver: Vec<Receiver>,
 }
@@ -173,7 +174,8 @@ impl<'a> Grid<'a> {
                 }
             })
             .collect();
-        Self { elements, width, height, origin, id, receiver }
+        let origin_in_chart = [0, 1].map(|axis| origin[axis] - i32::from(chart.min[axis]));
+        Self { elements, width, height, origin_in_chart, id, receiver }
     }
 
     /// Grid indices of the block without its apron.
@@ -194,8 +196,8 @@ impl<'a> Grid<'a> {
     }
 
     fn phase(&self, i: usize) -> usize {
-        let x = self.origin[0] + (i % self.width) as i32;
-        let y = self.origin[1] + (i / self.width) as i32;
+        let x = self.origin_in_chart[0] + (i % self.width) as i32;
+        let y = self.origin_in_chart[1] + (i / self.width) as i32;
         Patterns::phase(x.rem_euclid(3) as usize, y.rem_euclid(3) as usize)
     }
 

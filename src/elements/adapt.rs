@@ -54,7 +54,7 @@ pub fn adapt<T: Tracer>(
         let count: usize = cut.iter().map(|c| c.0.len()).sum();
         if count <= MOST {
             let mut patches = replaced(elements, &patches, cut.into_iter().map(|c| c.0));
-            patches.average(elements, counts);
+            patches.count(elements, counts);
             return (patches, rays);
         }
     }

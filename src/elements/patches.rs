@@ -34,7 +34,11 @@ pub struct Patches {
     pub position_world: Vec<Vec3>,
     /// Mean geometric normal by area; shorter than 1 on curved patches.
     pub normal_world: Vec<Vec3>,
-    /// Mean area of the patches of charts that count, m².
+    /// What its random choices hang on: its place on its surface, whatever other patches there are.
+    pub key: Vec<u32>,
+    /// Whether its first element is in a chart that counts; see [`patches`].
+    pub counts: Vec<bool>,
+    /// Mean area of those that count, m².
     pub mean_area: f64,
 }
 
@@ -59,15 +63,24 @@ impl Patches {
         &self.elements[self.range_of(patch)]
     }
 
-    /// Takes the mean area of patches whose first element is in a chart that counts.
-    pub(super) fn average(&mut self, elements: &Elements, counts: impl Fn(usize) -> bool) {
-        let chart =
-            |patch: usize| elements.chart[self.elements[self.first[patch] as usize] as usize] as usize;
-        let counted = (0..self.len())
-            .filter(|&patch| self.first[patch] < self.first[patch + 1] && counts(chart(patch)));
-        let (count, area) =
-            counted.fold((0, 0.0), |(count, area), patch| (count + 1, area + self.area[patch]));
-        self.mean_area = area / f64::from(count.max(1));
+    /// Finds which patches count, their mean area, and the keys of all.
+    pub(super) fn count(&mut self, elements: &Elements, counts: impl Fn(usize) -> bool) {
+        let key = |patch: u32| {
+            let Some(&first) = self.elements_of(patch).first() else { return patch };
+            let chart = &elements.charts[elements.chart[first as usize] as usize];
+            let side = 2 * chart.surface + u32::from(chart.back);
+            // Two odd constants: the golden ratio's, and one of MurmurHash3's.
+            let place = side.wrapping_mul(0x9e37_79b9) ^ chart.source;
+            place.wrapping_mul(0xcc9e_2d51) ^ (first - chart.elements.start)
+        };
+        self.key = (0..self.len() as u32).map(key).collect();
+        let chart = |element: u32| elements.chart[element as usize] as usize;
+        let of_patch =
+            |patch: u32| self.elements_of(patch).first().is_some_and(|&first| counts(chart(first)));
+        self.counts = (0..self.len() as u32).map(of_patch).collect();
+        let counted = self.counts.iter().zip(&self.area).filter(|(counts, _)| **counts);
+        let (number, area) = counted.fold((0_u32, 0.0), |(number, area), (_, own)| (number + 1, area + own));
+        self.mean_area = area / f64::from(number.max(1));
     }
 
     /// Appends a patch of valid elements.
@@ -116,7 +129,7 @@ pub(super) fn patches_within(
     let (order, cells, target) = cells(elements, wanted, &counts);
     let groups = merge(elements, &order, &cells, target, most.max(wanted as usize + wanted as usize / 2));
     let mut patches = collect(elements, &order, &cells, groups);
-    patches.average(elements, counts);
+    patches.count(elements, counts);
     patches
 }
 

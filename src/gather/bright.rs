@@ -48,13 +48,13 @@ impl Bright {
             (power / patches.area[patch as usize]).as_vec3()
         };
         let light: Vec<Vec3> = (0..count).map(mean_of).collect();
-        // Dark patches do not count: how many there are may depend on what is computed in vain.
-        let lit = light.iter().zip(&patches.area).filter(|(light, _)| light.element_sum() > 0.0);
-        let area: f64 = lit.map(|(_, area)| area).sum();
-        let power: f64 = light.iter().zip(&patches.area).map(|(b, a)| f64::from(b.element_sum()) * a).sum();
+        let counted = light.iter().zip(&patches.area).zip(&patches.counts).filter(|(_, counts)| **counts);
+        let (power, area) = counted.fold((0.0, 0.0), |(power, all), ((light, area), _)| {
+            (power + f64::from(light.element_sum()) * area, all + area)
+        });
         let limit = BRIGHT * (power / area) as f32;
         let mut shooters: Vec<Shooter> = (0..count)
-            .filter(|&p| light[p as usize].element_sum() > limit)
+            .filter(|&p| patches.counts[p as usize] && light[p as usize].element_sum() > limit)
             .filter_map(|p| shooter(elements, patches, p, light[p as usize]))
             .collect();
         shooters.sort_by(|a, b| b.power.total_cmp(&a.power).then(a.patch.cmp(&b.patch)));

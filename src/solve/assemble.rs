@@ -107,17 +107,6 @@ impl<'a, T: Tracer, S: Fn(Vec3) -> Radiance + Sync> Assembler<'a, T, S> {
         }
     }
 
-    /// What the patch's random choices hang on: its place on its surface, whatever other patches there are.
-    fn key(&self, patch: u32) -> u32 {
-        let elements = self.surfaces.elements;
-        let Some(&first) = self.surfaces.patches.elements_of(patch).first() else { return patch };
-        let chart = &elements.charts[elements.chart[first as usize] as usize];
-        let side = 2 * chart.surface + u32::from(chart.back);
-        // Two odd constants: the golden ratio's, and one of MurmurHash3's.
-        (side.wrapping_mul(0x9e37_79b9) ^ chart.source).wrapping_mul(0xcc9e_2d51)
-            ^ (first - chart.elements.start)
-    }
-
     /// The row of a patch that sees nothing but what is beyond the scene: the same rays, none of them sent.
     fn open_row(&self, patch: u32, row: &mut Row) {
         let clear = ClearTracer::new(self.surfaces.tracer.world());
@@ -143,7 +132,7 @@ impl<'a, T: Tracer, S: Fn(Vec3) -> Radiance + Sync> Assembler<'a, T, S> {
         };
         let set = &self.sets[usize::from(self.set_of[patch as usize])];
         let mut landings = Landings::for_rays(set.len());
-        set.row(self.key(patch), place, land, &mut landings, row);
+        set.row(self.surfaces.patches.key[patch as usize], place, land, &mut landings, row);
         u64::from(set.len())
     }
 

@@ -124,7 +124,8 @@ impl<'a, T: Tracer> Pairs<'a, T> {
     fn transmitted(&self, from: u32, to: u32, looks: u32, rays: &mut u64) -> f64 {
         let patches = self.surfaces.patches;
         let (here, there) = (patches.elements_of(from), patches.elements_of(to));
-        let turn = from.wrapping_mul(0x9e37_79b9) ^ to.wrapping_mul(0x85eb_ca6b);
+        let [from_key, to_key] = [from, to].map(|patch| patches.key[patch as usize]);
+        let turn = from_key.wrapping_mul(0x9e37_79b9) ^ to_key.wrapping_mul(0x85eb_ca6b);
         let (mut passed, mut all) = (0.0, 0.0);
         for k in 0..looks {
             // Hammersley points, turned and scrambled by the pair's numbers; both lists lie along Z-order curves.

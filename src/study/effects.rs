@@ -65,14 +65,20 @@ pub enum Bound {
 impl Bound {
     /// The bound for an effect; `None` is everything at once.
     ///
-    /// The inside of a solid is dark, but where something stands on it or pierces it, a patch or a texel lies on both
-    /// sides of its skin: lit in vain, the inside gets some of that patch's light and gives it back where it came
-    /// from. Of n patches one has a share of 1/n of the light; a place is given four of them.
+    /// What is on the other side of a closed skin is proven to be dark, or unseen; but where something stands on the
+    /// skin or pierces it, a patch or a texel lies on both sides of it: lit in vain, the other side gets some of that
+    /// patch's light and gives it back where it came from. Of n patches one has a share of 1/n of the light; a place is
+    /// given four of them.
     pub fn of(effect: Option<Effect>, options: &BakeOptions) -> Self {
         match effect {
-            None | Some(Effect::BackFaces | Effect::UnseenSurfaces) => {
-                Self::Free(4.0 / f64::from(options.light.solve.patches.max(1)))
-            }
+            None
+            | Some(
+                Effect::BackFaces
+                | Effect::UnseenSurfaces
+                | Effect::FarLamps
+                | Effect::Sky
+                | Effect::LightBetweenRooms,
+            ) => Self::Free(4.0 / f64::from(options.light.solve.patches.max(1))),
             Some(_) => Self::Nothing,
         }
     }
@@ -209,8 +215,9 @@ fn study(outcomes: &[Outcome]) -> Study {
              repetitions; the difference is the largest of any texel, as a share of the lightmap's mean."
                 .to_owned(),
             "What is left out is proven to add nothing, so the difference must be exactly 0. Only the insides of \
-             solids, lit in vain, get and give back some light through patches that lie on both sides of a skin, \
-             where things stand on or pierce each other: away from there by four patches' share at the most."
+             solids and the outsides of rooms, lit in vain, get and give back some light through patches that lie on \
+             both sides of a skin, where things stand on or pierce each other: away from there by four patches' share \
+             at the most."
                 .to_owned(),
         ],
         sheets: vec![trials(outcomes), findings(outcomes)],

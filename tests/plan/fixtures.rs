@@ -1,0 +1,73 @@
+//! The same on every fixture, and what the plan says of some.
+
+use crate::common::options;
+use crate::{changes_nothing, finding, planned};
+use lightkiln::bake::Run;
+use lightkiln::forecast::forecast;
+use lightkiln::import;
+use lightkiln::options::{Effect, ImportOptions, Quality};
+use lightkiln::scene::Scene;
+use std::path::PathBuf;
+
+fn fixtures() -> Vec<(String, Scene)> {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("fixtures");
+    let files =
+        std::fs::read_dir(folder).expect("the fixtures are there").flatten().map(|entry| entry.path());
+    let mut scenes: Vec<PathBuf> =
+        files.filter(|file| file.extension().is_some_and(|ext| ext == "glb")).collect();
+    scenes.sort();
+    assert!(scenes.len() >= 12);
+    scenes
+        .into_iter()
+        .map(|file| {
+            let (_, scene) = import::load(&file, &ImportOptions::default()).expect("a fixture can be read");
+            (file.file_stem().expect("it has a name").to_string_lossy().into_owned(), scene)
+        })
+        .collect()
+}
+
+#[test]
+fn what_is_left_out_changes_nothing() {
+    for (name, scene) in fixtures() {
+        changes_nothing(&name, &scene, &options(Quality::Draft, 128));
+    }
+}
+
+#[test]
+fn forecasts_count_texels() {
+    for (name, scene) in fixtures() {
+        let options = options(Quality::Draft, 256);
+        let foreseen = forecast(&scene, &options, &Run::default()).expect("it can be foreseen");
+        let lit = lightkiln::bake::light(&scene, &options, &Run::default()).expect("it can be baked");
+        let (told, true_count) = (foreseen.elements as f64, lit.elements.len() as f64);
+        assert!((told / true_count - 1.0).abs() < 0.2, "{name}: {told} texels foreseen, {true_count} lit");
+        let (told, sent) = (foreseen.rays as f64, lit.light.rays as f64);
+        assert!((0.4..2.5).contains(&(told / sent)), "{name}: {told} rays foreseen, {sent} sent");
+    }
+}
+
+#[test]
+fn reasons_are_in_the_artist_s_words() {
+    let expected = [
+        ("cornell", Effect::BackFaces, false, "no material is double-sided"),
+        ("cornell", Effect::AreaLights, true, "1 glowing object: 'light'"),
+        ("grey_lamp", Effect::Shadows, false, "nothing stands between the lights and any surface"),
+        ("grey_lamp", Effect::ColourChannels, false, "everything is grey: one channel does"),
+        (
+            "closed_furnace",
+            Effect::LightBetweenRooms,
+            false,
+            "1 room sealed off by closed opaque objects: 'room'",
+        ),
+        ("leaves", Effect::AlphaTest, true, "1 object with a mask: 'leaves'"),
+        ("emissive_texture", Effect::TexturedEmission, true, "1 object with an emissive image: 'panel'"),
+        ("window_room", Effect::Sky, true, "the sky is lit"),
+    ];
+    let scenes = fixtures();
+    for (name, effect, on, reason) in expected {
+        let (_, scene) = scenes.iter().find(|(fixture, _)| fixture == name).expect("the fixture is there");
+        let plan = planned(scene);
+        let found = finding(&plan, effect);
+        assert_eq!((found.on, found.reason.as_str()), (on, reason), "{name}");
+    }
+}
