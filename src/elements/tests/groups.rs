@@ -32,7 +32,7 @@ fn assert_partition(stand: &Stand, wanted: u32) -> Patches {
 
 fn assert_partition_within(stand: &Stand, wanted: u32, most: usize) -> Patches {
     let elements = stand.elements();
-    let patches = patches_within(&elements, wanted, most);
+    let patches = patches_within(&elements, wanted, most, |_| true);
     assert_eq!(patches.first.len(), patches.len() + 1);
     let mut seen = vec![false; elements.len()];
     for patch in 0..patches.len() as u32 {

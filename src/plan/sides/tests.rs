@@ -1,9 +1,9 @@
 //! Rooms, boxes and what stands in them.
 
 use super::*;
-use crate::scene::{Geometry, Lamp, Material, MaterialId, Origin};
+use crate::scene::{Geometry, GeometryId, Lamp, Material, MaterialId, Origin};
 use crate::units::{Intensity, Radiance};
-use glam::{DQuat, Vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec3};
 
 const QUADS: [[u32; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
