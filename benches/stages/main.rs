@@ -11,7 +11,7 @@ use lightkiln::direct::{self, Direct, EmitterList, Faint};
 use lightkiln::elements::{self, Elements, Lookup, Patches};
 use lightkiln::gather::{self, Bright, Surroundings};
 use lightkiln::options::{BakeOptions, ImportOptions, Quality};
-use lightkiln::plan;
+use lightkiln::plan::{self, Plan, Wanted};
 use lightkiln::progress::{Progress, Silent, Stage};
 use lightkiln::scene::{Scene, Sky};
 use lightkiln::solve::coarse::{Coarse, Sources, Surfaces, coarse};
@@ -47,6 +47,7 @@ fn progress(stage: Stage) -> Progress<'static> {
 /// What a scene is before its light.
 struct Dark {
     scene: Scene,
+    plan: Plan,
     atlas: Atlas,
     world: World,
     elements: Elements,
@@ -58,11 +59,12 @@ impl Dark {
     fn new(name: &str) -> Self {
         let (_, scene) =
             import::load(&fixture(name), &ImportOptions::default()).expect("the fixture can be read");
-        let atlas = unwrap(&scene);
+        let plan = plan::plan(&scene, &Wanted::default());
+        let atlas = unwrap(&scene, &plan);
         let world = World::new(&scene);
-        let elements = rasterise(&scene, &atlas, &world);
-        let (emitters, sky) = direct::collect(&scene);
-        Self { scene, atlas, world, elements, emitters, sky }
+        let elements = rasterise(&scene, &plan, &atlas, &world);
+        let (emitters, sky) = direct::collect(&scene, &plan);
+        Self { scene, plan, atlas, world, elements, emitters, sky }
     }
 
     fn tracer(&self) -> OpaqueTracer<'_> {
@@ -70,8 +72,8 @@ impl Dark {
     }
 
     fn lit(&self) -> Direct {
-        let effort = options().light.direct;
-        direct::light(&self.elements, &self.emitters, &self.tracer(), &effort, &mut progress(Stage::Direct))
+        let (effort, mut progress) = (options().light.direct, progress(Stage::Direct));
+        direct::light(&self.elements, &self.emitters, &self.plan, &self.tracer(), &effort, &mut progress)
     }
 
     fn lookup(&self) -> Lookup<'_> {
@@ -79,13 +81,15 @@ impl Dark {
     }
 
     fn patches(&self) -> Patches {
-        let patches = elements::patches(&self.elements, options().light.solve.patches);
-        elements::adapt(&self.elements, patches, &self.tracer()).0
+        let patches = elements::patches(&self.elements, options().light.solve.patches, |_| true);
+        let is_open = |element: u32| self.elements.is_open(element, &self.plan.sight);
+        elements::adapt(&self.elements, patches, is_open, |_| true, &self.tracer()).0
     }
 
     fn solved(&self, lookup: &Lookup, patches: &Patches, direct: &Direct) -> Coarse {
         let tracer = self.tracer();
-        let surfaces = Surfaces { elements: &self.elements, lookup, patches, tracer: &tracer };
+        let (elements, sight) = (&self.elements, &self.plan.sight);
+        let surfaces = Surfaces { elements, lookup, patches, sight, tracer: &tracer };
         let faint = Faint::new(&self.elements, &self.emitters, direct);
         let sources =
             Sources { direct, faint: faint.as_ref(), sky: |direction| self.sky.radiance(direction) };
@@ -94,20 +98,22 @@ impl Dark {
     }
 }
 
-fn unwrap(scene: &Scene) -> Atlas {
-    let sides = plan::plan(scene).sides;
-    atlas::unwrap(scene, &sides, &options().atlas, &progress(Stage::Atlas)).expect("it can be unwrapped")
+fn unwrap(scene: &Scene, plan: &Plan) -> Atlas {
+    let progress = progress(Stage::Atlas);
+    atlas::unwrap(scene, &plan.sides, &options().atlas, &progress).expect("it can be unwrapped")
 }
 
-fn rasterise(scene: &Scene, atlas: &Atlas, world: &World) -> Elements {
+fn rasterise(scene: &Scene, plan: &Plan, atlas: &Atlas, world: &World) -> Elements {
     let tracer = OpaqueTracer::new(world);
-    elements::rasterise(scene, atlas, &tracer, &mut progress(Stage::Elements)).expect("it has elements").0
+    let back_counts = |surface: usize| !plan.by_force[surface][1];
+    let mut progress = progress(Stage::Elements);
+    elements::rasterise(scene, atlas, &back_counts, &tracer, &mut progress).expect("it has elements").0
 }
 
 #[divan::bench(args = SCENES, sample_count = 5, sample_size = 1)]
 fn a_unwrap(bencher: Bencher, name: &str) {
     let dark = Dark::new(name);
-    bencher.counter(ItemsCount::new(dark.elements.len())).bench_local(|| unwrap(&dark.scene));
+    bencher.counter(ItemsCount::new(dark.elements.len())).bench_local(|| unwrap(&dark.scene, &dark.plan));
 }
 
 #[divan::bench(args = SCENES, sample_count = 5, sample_size = 1)]
@@ -120,7 +126,7 @@ fn b_tree(bencher: Bencher, name: &str) {
 fn c_elements(bencher: Bencher, name: &str) {
     let dark = Dark::new(name);
     let texels = ItemsCount::new(dark.elements.len());
-    bencher.counter(texels).bench_local(|| rasterise(&dark.scene, &dark.atlas, &dark.world));
+    bencher.counter(texels).bench_local(|| rasterise(&dark.scene, &dark.plan, &dark.atlas, &dark.world));
 }
 
 #[divan::bench(args = SCENES, sample_count = 5, sample_size = 1)]
@@ -154,6 +160,7 @@ fn f_gather(bencher: Bencher, name: &str) {
         let bright = Bright::take(&dark.elements, &patches, &mut radiosity, effort.rays);
         let around = Surroundings {
             tracer: &tracer,
+            sight: &dark.plan.sight,
             radiosity: |hit: &Hit| lookup.element_at(hit).map_or(Radiosity::ZERO, |e| radiosity[e as usize]),
             sky: &dark.sky,
             faint: faint.as_ref(),

@@ -121,12 +121,12 @@ fn table(forecast: &Forecast) -> String {
         forecast.stages.iter().map(|(stage, seconds)| format!("{} {}", stage.name(), duration(*seconds)));
     let Forecast { pages, page_size_texels: size, elements, patches, rays, .. } = forecast;
     format!(
-        "{}\n{} of {size} × {size}, {} texels per metre\nabout {} texels, {}, {} rays\nabout {} ({})\nabout {} of memory\n",
+        "{}\n{} of {size} × {size}, {} texels per metre\nabout {} texels, {} patches, {} rays\nabout {} ({})\nabout {} of memory\n",
         sheet.screen(terminal_width()),
         plural((*pages).into(), "page"),
         significant(forecast.density_texels_per_m.into()),
         count(*elements),
-        format!("{} patches", count(*patches)),
+        count(*patches),
         count(*rays),
         duration(forecast.seconds()),
         stages.collect::<Vec<_>>().join(", "),

@@ -1,5 +1,7 @@
 //! `lightkiln study`.
 
+mod cost;
+
 use super::args::{AtlasArgs, SceneArgs};
 use super::failure;
 use super::memory;
@@ -58,6 +60,10 @@ pub struct EffectsArgs {
     #[command(flatten)]
     pub scene: SceneArgs,
 
+    /// Bakes only the scene of this number and prints what that took: the study asks itself in a process of its own.
+    #[arg(long, value_name = "NUMBER", hide = true)]
+    pub measure: Option<usize>,
+
     /// How it is done.
     #[command(flatten)]
     pub how: HowArgs,
@@ -79,23 +85,30 @@ pub struct HowArgs {
 /// Studies, prints, and returns the exit code.
 pub fn run(args: &StudyArgs) -> ExitCode {
     match &args.command {
+        StudyCommand::Effects(args) if args.measure.is_some() => cost::tell(args),
         StudyCommand::Effects(args) => finish(study_effects(args), &args.how, args.inputs.first()),
     }
 }
 
+impl EffectsArgs {
+    fn options(&self) -> BakeOptions {
+        BakeOptions {
+            import: self.scene.import(),
+            atlas: self.atlas.atlas(),
+            light: self.quality.0.light(),
+            ..BakeOptions::default()
+        }
+    }
+}
+
 fn study_effects(args: &EffectsArgs) -> Result<Study> {
-    let options = BakeOptions {
-        import: args.scene.import(),
-        atlas: args.atlas.atlas(),
-        light: args.quality.0.light(),
-        ..BakeOptions::default()
-    };
-    let read = |path: &PathBuf| {
+    let options = args.options();
+    let read = |(number, path): (usize, &PathBuf)| {
         let (_, scene) = import::load(path, &options.import)?;
         let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        Ok(Subject { name, scene })
+        Ok(Subject { name, scene, cost: cost::ask(number) })
     };
-    let subjects: Vec<Subject> = args.inputs.iter().map(read).collect::<Result<_>>()?;
+    let subjects: Vec<Subject> = args.inputs.iter().enumerate().map(read).collect::<Result<_>>()?;
     timed(&args.how, |run| effects(&subjects, &options, run, &|name| failure::say(&printable(name))))
 }
 

@@ -92,8 +92,8 @@ pub(super) fn rooms(scene: &Scene, bodies: &Bodies) -> Rooms {
                 patterns[item].iter_mut().for_each(|side| drop(side.insert(s, winding.clone())));
             }
         }
-        for side in 0..2 {
-            patterns[shell.item][side].insert(s, Some(shell.own[side].clone()));
+        for (pattern, own) in patterns[shell.item].iter_mut().zip(&shell.own) {
+            pattern.insert(s, Some(own.clone()));
         }
     }
     let lamps: Vec<Pattern> = scene.lamps.iter().map(|lamp| lamp_pattern(&lamp.kind, &shells)).collect();

@@ -1,9 +1,12 @@
 //! What leaving effects out saves, and that it changes nothing: every scene baked as planned, with everything forced
 //! on, and with each effect alone forced on.
 
+mod forecasts;
+
 use super::{Axis, Cell, Figure, Look, Row, Series, Sheet, Study};
 use crate::bake::{Lit, Run, light};
 use crate::error::Result;
+use crate::forecast::{Forecast, forecast};
 use crate::options::{BakeOptions, Effect, Forced};
 use crate::plan::{Finding, Wanted, plan};
 use crate::scene::Scene;
@@ -20,6 +23,17 @@ pub struct Subject {
     pub name: String,
     /// The scene.
     pub scene: Scene,
+    /// What a bake of it took that had a process of its own, where that was measured.
+    pub cost: Option<Cost>,
+}
+
+/// What a bake took from file to file.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Cost {
+    /// From start to end, seconds.
+    pub seconds: f64,
+    /// Most memory resident, bytes, where the system tells.
+    pub memory_bytes: Option<u64>,
 }
 
 /// A bake with some effects forced on.
@@ -47,6 +61,10 @@ pub struct Outcome {
     pub name: String,
     /// What the plan says of every effect.
     pub findings: Vec<Finding>,
+    /// What it foretells.
+    pub forecast: Forecast,
+    /// The subject's own.
+    pub cost: Option<Cost>,
     /// The planned bake.
     pub planned: Trial,
     /// Everything forced, then each effect that can be.
@@ -120,7 +138,9 @@ pub fn compare(subject: &Subject, options: &BakeOptions, run: &Run) -> Result<Ou
         Ok(Trial { effect, seconds, rays: other.light.rays, difference, difference_free, bound })
     });
     let forced = forced.collect::<Result<_>>()?;
-    Ok(Outcome { name: subject.name.clone(), findings: lit.plan.effects, planned, forced })
+    let forecast = forecast(&subject.scene, options, run)?;
+    let findings = lit.plan.effects;
+    Ok(Outcome { name: subject.name.clone(), findings, forecast, cost: subject.cost, planned, forced })
 }
 
 /// The bake and its shortest time.
@@ -140,28 +160,12 @@ fn timed(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<(f64, Lit)> 
 
 /// Largest difference of any exported texel, and of those that nothing else is near, as shares of the first one's mean.
 fn differences(a: &Lit, b: &Lit) -> [f64; 2] {
-    let texels = |lit: &Lit| -> Vec<(usize, u16, u16, usize)> {
-        let exported: Vec<usize> =
-            (0..lit.atlas.pages.len()).filter(|&page| lit.atlas.pages[page].exported).collect();
-        let charts = lit.elements.charts.iter().filter(|chart| chart.exported);
-        let mut rows: Vec<_> = charts
-            .flat_map(|chart| chart.elements.clone())
-            .map(|e| {
-                let texel = lit.elements.texel[e as usize];
-                (exported.partition_point(|&page| page < texel.page as usize), texel.y, texel.x, e as usize)
-            })
-            .collect();
-        rows.sort_unstable();
-        rows
-    };
     let (ours, theirs) = (texels(a), texels(b));
-    let same =
-        |(x, y): (&(usize, u16, u16, usize), &(usize, u16, u16, usize))| (x.0, x.1, x.2) == (y.0, y.1, y.2);
-    if ours.len() != theirs.len() || !ours.iter().zip(&theirs).all(same) {
+    if !ours.iter().map(|texel| texel.0).eq(theirs.iter().map(|texel| texel.0)) {
         return [f64::INFINITY; 2];
     }
     let (mut sum, mut most) = (0.0_f64, [0.0_f64; 2]);
-    for (&(.., x), &(.., y)) in ours.iter().zip(&theirs) {
+    for (&(_, x), &(_, y)) in ours.iter().zip(&theirs) {
         let (one, other) = (a.irradiance(x), b.irradiance(y));
         sum += f64::from(one.mean());
         let difference = f64::from((one.0 - other.0).abs().max_element());
@@ -176,6 +180,21 @@ fn differences(a: &Lit, b: &Lit) -> [f64; 2] {
         (false, true) => f64::INFINITY,
         (false, false) => 0.0,
     })
+}
+
+/// Texels of exported pages, `(page, row, column)` and element, in that order.
+fn texels(lit: &Lit) -> Vec<((usize, u16, u16), usize)> {
+    let exported: Vec<usize> =
+        (0..lit.atlas.pages.len()).filter(|&page| lit.atlas.pages[page].exported).collect();
+    let charts = lit.elements.charts.iter().filter(|chart| chart.exported);
+    let place = |e: u32| {
+        let texel = lit.elements.texel[e as usize];
+        let page = exported.partition_point(|&page| page < texel.page as usize);
+        ((page, texel.y, texel.x), e as usize)
+    };
+    let mut rows: Vec<_> = charts.flat_map(|chart| chart.elements.clone()).map(place).collect();
+    rows.sort_unstable();
+    rows
 }
 
 /// Studies scenes; `told` hears which comes next.
@@ -220,12 +239,51 @@ fn study(outcomes: &[Outcome]) -> Study {
              at the most."
                 .to_owned(),
         ],
-        sheets: vec![trials(outcomes), findings(outcomes)],
+        sheets: [summary(outcomes), trials(outcomes)]
+            .into_iter()
+            .chain(forecasts::sheet(outcomes))
+            .chain([findings(outcomes)])
+            .collect(),
         figures: vec![
             figure("Seconds", "seconds, plan to gather", &|trial| trial.seconds),
             figure("Rays", "million rays", &|trial| trial.rays as f64 / 1e6),
         ],
         pictures: Vec::new(),
+    }
+}
+
+/// One row a scene: what the plan saves in all.
+fn summary(outcomes: &[Outcome]) -> Sheet {
+    let row = |outcome: &Outcome| {
+        let all = outcome.forced.iter().find(|trial| trial.effect.is_none())?;
+        let off = outcome.findings.iter().filter(|finding| !finding.on).count();
+        let most = outcome.forced.iter().map(|trial| trial.difference).fold(0.0, f64::max);
+        let cells = vec![
+            outcome.name.as_str().into(),
+            format!("{off} of {}", outcome.findings.len()).into(),
+            Cell::Seconds(outcome.planned.seconds),
+            Cell::Seconds(all.seconds),
+            Cell::Number(all.seconds / outcome.planned.seconds),
+            Cell::Count(outcome.planned.rays),
+            Cell::Count(all.rays),
+            Cell::Share(most),
+        ];
+        Some(Row::judged(cells, outcome.forced.iter().all(Trial::holds)))
+    };
+    Sheet {
+        name: "summary",
+        title: "What the plan saves".to_owned(),
+        columns: vec![
+            "scene",
+            "effects off",
+            "planned",
+            "all forced",
+            "× planned",
+            "rays",
+            "all forced ",
+            "largest difference",
+        ],
+        rows: outcomes.iter().filter_map(row).collect(),
     }
 }
 
