@@ -247,11 +247,12 @@ fn shine<T: Tracer>(
     let count = elements.len() as u64;
     let (emitters, sky) = direct::collect(scene, &plan);
     let direct = log.stage(Stage::Direct, count, |progress| {
-        let direct = direct::light(&elements, &emitters, &plan, tracer, &effort.direct, progress);
+        let direct =
+            direct::light(&elements, &emitters, &plan, tracer, &effort.direct, effort.seed, progress);
         let rays = direct.rays;
         Ok((direct, rays))
     })?;
-    let faint = Faint::new(&elements, &emitters, &direct);
+    let faint = Faint::new(&elements, &emitters, &direct, effort.seed);
     let lit = if plan.work.gather || faint.is_some() {
         let lookup = Lookup::new(scene, &atlas, tracer.world(), &elements);
         let around =

@@ -112,6 +112,9 @@ pub struct LightOptions {
     pub solve: SolveOptions,
     /// The final gather.
     pub gather: GatherOptions,
+    /// Which of many independent sets of samples the light stages use: bakes that differ in nothing else err
+    /// independently, as far as their errors come from sampling.
+    pub seed: u32,
 }
 
 impl Default for LightOptions {
@@ -221,6 +224,7 @@ impl Quality {
             direct: DirectOptions { probe_rays, penumbra_rays },
             solve: SolveOptions { patches: solve[0], rays_per_patch: solve[1], ..SolveOptions::default() },
             gather: GatherOptions { rays, tolerance, widest_cell },
+            seed: 0,
         };
         match self {
             Self::Draft => level(2, 16, [1000, 32], 128, 0.12, 16),

@@ -9,6 +9,21 @@ pub fn sobol4(count: u32, set: u32, seed: u32) -> Vec<[f32; 4]> {
     (0..count).map(|i| sobol_burley::sample_4d(i, set, seed)).collect()
 }
 
+/// The seed of one use of samples, `purpose`, under the seed of the whole bake: `purpose` itself under 0, another
+/// number for every other seed, so that sets under different seeds have nothing in common.
+pub fn seeded(seed: u32, purpose: u32) -> u32 {
+    if seed == 0 { purpose } else { purpose ^ mixed(seed) }
+}
+
+/// A mixing of 32 bits in which every bit depends on every other (Ettinger's lowbias32); 0 stays 0.
+fn mixed(mut x: u32) -> u32 {
+    x ^= x >> 16;
+    x = x.wrapping_mul(0x7feb_352d);
+    x ^= x >> 15;
+    x = x.wrapping_mul(0x846c_a68b);
+    x ^ (x >> 16)
+}
+
 /// A point set turned on the torus (Cranley & Patterson 1976).
 pub fn shifted(points: &[[f32; 4]], shift: [f32; 4]) -> Vec<[f32; 4]> {
     points
@@ -63,6 +78,15 @@ mod tests {
         let mean: f32 = points.iter().map(|p| cosine_hemisphere(p[0], p[1]).z).sum::<f32>() / 1024.0;
         // E[cosθ] under density cosθ/π is 2/3; a (0,2)-net of 1024 points errs by less than its width 1/32.
         assert!((mean - 2.0 / 3.0).abs() < 1.0 / 32.0 / 10.0, "{mean}");
+    }
+
+    #[test]
+    fn seeds_do_not_share_samples_and_0_is_the_purpose_alone() {
+        assert_eq!([1, 2, 3].map(|purpose| seeded(0, purpose)), [1, 2, 3]);
+        let keys: std::collections::BTreeSet<u32> =
+            (0..100).flat_map(|seed| (0..10).map(move |purpose| seeded(seed, purpose))).collect();
+        assert_eq!(keys.len(), 1000);
+        assert_ne!(sobol4(16, 0, seeded(1, 3)), sobol4(16, 0, seeded(2, 3)));
     }
 
     #[test]

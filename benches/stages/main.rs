@@ -73,7 +73,7 @@ impl Dark {
 
     fn lit(&self) -> Direct {
         let (effort, mut progress) = (options().light.direct, progress(Stage::Direct));
-        direct::light(&self.elements, &self.emitters, &self.plan, &self.tracer(), &effort, &mut progress)
+        direct::light(&self.elements, &self.emitters, &self.plan, &self.tracer(), &effort, 0, &mut progress)
     }
 
     fn lookup(&self) -> Lookup<'_> {
@@ -90,11 +90,12 @@ impl Dark {
         let tracer = self.tracer();
         let (elements, sight) = (&self.elements, &self.plan.sight);
         let surfaces = Surfaces { elements, lookup, patches, sight, tracer: &tracer };
-        let faint = Faint::new(&self.elements, &self.emitters, direct);
+        let faint = Faint::new(&self.elements, &self.emitters, direct, 0);
         let sources =
             Sources { direct, faint: faint.as_ref(), sky: |direction| self.sky.radiance(direction) };
         let effort = options().light.solve;
-        coarse(&surfaces, &sources, &effort, u64::MAX, &mut progress(Stage::Solve)).expect("it can be solved")
+        coarse(&surfaces, &sources, &effort, 0, u64::MAX, &mut progress(Stage::Solve))
+            .expect("it can be solved")
     }
 }
 
@@ -150,7 +151,7 @@ fn f_gather(bencher: Bencher, name: &str) {
     let dark = Dark::new(name);
     let (lookup, direct, patches, tracer) = (dark.lookup(), dark.lit(), dark.patches(), dark.tracer());
     let solved = dark.solved(&lookup, &patches, &direct);
-    let faint = Faint::new(&dark.elements, &dark.emitters, &direct);
+    let faint = Faint::new(&dark.elements, &dark.emitters, &direct, 0);
     let effort = options().light.gather;
     let gather = || {
         let smooth = gather::spread_over_elements(&dark.elements, &patches, &solved.irradiance);
@@ -166,7 +167,7 @@ fn f_gather(bencher: Bencher, name: &str) {
             faint: faint.as_ref(),
             bright: bright.as_ref(),
         };
-        gather::gather(&dark.elements, &direct, &smooth, &around, &effort, &mut progress(Stage::Gather))
+        gather::gather(&dark.elements, &direct, &smooth, &around, &effort, 0, &mut progress(Stage::Gather))
     };
     let rays = gather().rays;
     bencher.counter(ItemsCount::new(rays)).bench_local(gather);

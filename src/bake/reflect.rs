@@ -7,7 +7,7 @@ use crate::elements::{self, Elements, Lookup, Patches};
 use crate::error::Result;
 use crate::gather::{self, Bright, Indirect, Surroundings};
 use crate::memory;
-use crate::options::{GatherOptions, LightOptions};
+use crate::options::LightOptions;
 use crate::plan::{Plan, Shining};
 use crate::progress::{Progress, Stage};
 use crate::scene::{Scene, Sky};
@@ -67,21 +67,21 @@ impl<T: Tracer> Around<'_, T> {
             let sources = Sources { direct: from.direct, faint: from.faint, sky };
             let memory_bytes =
                 memory::left_for_form_factors(self.scene, self.atlas, patches.len(), limit_bytes);
-            let coarse = coarse(&surfaces, &sources, &effort.solve, memory_bytes, progress)?;
+            let coarse = coarse(&surfaces, &sources, &effort.solve, effort.seed, memory_bytes, progress)?;
             let rays = coarse.rays + adapt_rays;
             Ok(((patches, coarse), rays))
         })?;
         let (irradiance, sky) = log.stage(Stage::Gather, self.elements.len() as u64, |progress| {
             let smooth = gather::spread_over_elements(self.elements, &patches, &coarse.irradiance);
             let black = |progress: &mut Progress| {
-                self.gather(from, &smooth, None, |_| Radiosity::ZERO, &effort.gather, progress)
+                self.gather(from, &smooth, None, |_| Radiosity::ZERO, effort, progress)
             };
             if !self.plan.work.bounces {
                 let Indirect { irradiance, rays, .. } = black(progress);
                 let sky = sky_apart.then(|| irradiance.clone());
                 return Ok(((irradiance, sky), rays));
             }
-            let all = self.gather_radiosity(from, &patches, &smooth, &effort.gather, progress);
+            let all = self.gather_radiosity(from, &patches, &smooth, effort, progress);
             let apart = sky_apart && (self.plan.lights.sky != Shining::Not || from.faint.is_some());
             let sky = apart.then(|| black(progress));
             let rays = all.rays + sky.as_ref().map_or(0, |sky| sky.rays);
@@ -108,22 +108,22 @@ impl<T: Tracer> Around<'_, T> {
         from: &Straight,
         patches: &Patches,
         smooth: &[Irradiance],
-        options: &GatherOptions,
+        effort: &LightOptions,
         progress: &mut Progress,
     ) -> Indirect {
         let Self { elements, lookup, .. } = *self;
         let mut radiosity: Vec<Radiosity> = (0..elements.len())
             .map(|e| elements.reflectance[e] * (from.direct.irradiance[e] + smooth[e]))
             .collect();
-        let bright = Bright::take(elements, patches, &mut radiosity, options.rays);
+        let bright = Bright::take(elements, patches, &mut radiosity, effort.gather.rays);
         let bright = bright.as_ref();
         if self.plan.work.grey {
             let grey: Vec<f32> = radiosity.into_iter().map(|radiosity| radiosity.0.x).collect();
             let seen = |hit: &Hit| lookup.element_at(hit).map_or(0.0, |e| grey[e as usize]);
-            self.gather(from, smooth, bright, |hit| Radiosity::grey(seen(hit)), options, progress)
+            self.gather(from, smooth, bright, |hit| Radiosity::grey(seen(hit)), effort, progress)
         } else {
             let seen = |hit: &Hit| lookup.element_at(hit).map_or(Radiosity::ZERO, |e| radiosity[e as usize]);
-            self.gather(from, smooth, bright, seen, options, progress)
+            self.gather(from, smooth, bright, seen, effort, progress)
         }
     }
 
@@ -133,11 +133,11 @@ impl<T: Tracer> Around<'_, T> {
         smooth: &[Irradiance],
         bright: Option<&Bright>,
         radiosity: impl Fn(&Hit) -> Radiosity + Sync,
-        options: &GatherOptions,
+        effort: &LightOptions,
         progress: &mut Progress,
     ) -> Indirect {
         let (tracer, sight) = (self.tracer, &self.plan.sight);
         let around = Surroundings { tracer, sight, radiosity, sky: from.sky, faint: from.faint, bright };
-        gather::gather(self.elements, from.direct, smooth, &around, options, progress)
+        gather::gather(self.elements, from.direct, smooth, &around, &effort.gather, effort.seed, progress)
     }
 }

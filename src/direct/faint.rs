@@ -3,7 +3,7 @@
 use super::emitters::EmitterList;
 use super::{Block, Direct, Receiver};
 use crate::elements::Elements;
-use crate::sampling::sobol4;
+use crate::sampling::{seeded, sobol4};
 use crate::transport::Tracer;
 use crate::units::Irradiance;
 use glam::Vec3;
@@ -26,8 +26,13 @@ pub struct Faint<'a> {
 }
 
 impl<'a> Faint<'a> {
-    /// `None` where every emitter is bright everywhere.
-    pub fn new(elements: &'a Elements, emitters: &'a EmitterList, direct: &'a Direct) -> Option<Self> {
+    /// `None` where every emitter is bright everywhere. Other rays for every `seed`.
+    pub fn new(
+        elements: &'a Elements,
+        emitters: &'a EmitterList,
+        direct: &'a Direct,
+        seed: u32,
+    ) -> Option<Self> {
         let all_bright =
             |(block, bright): (&Block, &Vec<u32>)| direct.candidates(block.chart).len() == bright.len();
         if direct.blocks.iter().zip(&direct.bright).all(all_bright) {
@@ -40,9 +45,11 @@ impl<'a> Faint<'a> {
         for i in 1..first_block.len() {
             first_block[i] += first_block[i - 1];
         }
-        // Along the list the samples are the centres of equal strata; across an emitter they follow Sobol's sequence.
-        let mut points = sobol4(RAYS, 0, 6);
-        points.iter_mut().enumerate().for_each(|(i, p)| p[0] = (i as f32 + 0.5) / RAYS as f32);
+        // Along the list the samples lie in the same place of equal strata, by default in the centre; across an emitter
+        // they follow Sobol's sequence.
+        let mut points = sobol4(RAYS, 0, seeded(seed, 6));
+        let place = if seed == 0 { 0.5 } else { points[0][0] };
+        points.iter_mut().enumerate().for_each(|(i, p)| p[0] = (i as f32 + place) / RAYS as f32);
         Some(Self { elements, emitters, direct, first_block, points })
     }
 

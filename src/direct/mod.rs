@@ -110,6 +110,7 @@ pub fn light<T: Tracer>(
     plan: &Plan,
     tracer: &T,
     options: &DirectOptions,
+    seed: u32,
     progress: &mut Progress,
 ) -> Direct {
     let blocks = block::cut(elements);
@@ -128,7 +129,7 @@ pub fn light<T: Tracer>(
         return direct;
     }
     progress.restart(elements.len() as u64);
-    let patterns = penumbra::Patterns::new(options, emitters.sharp_as_soft);
+    let patterns = penumbra::Patterns::new(options, emitters.sharp_as_soft, seed);
     // Bounded batches keep the transient copies small next to the elements themselves.
     for batch in direct.blocks.chunks(4096) {
         let lit: Vec<_> = batch

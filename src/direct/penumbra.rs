@@ -1,7 +1,7 @@
 //! Which shadow rays an element sends.
 
 use crate::options::DirectOptions;
-use crate::sampling::{shifted, sobol4};
+use crate::sampling::{seeded, shifted, sobol4};
 
 /// Patterns repeat every three texels, so that any 3×3 neighbourhood holds each of them once (interleaved sampling,
 /// Keller & Heidrich 2001): averaging nine neighbours then averages nine different sets.
@@ -18,18 +18,18 @@ pub struct Patterns {
 }
 
 impl Patterns {
-    /// Sets for the given effort.
-    pub fn new(options: &DirectOptions, sharp_as_soft: bool) -> Self {
+    /// Sets for the given effort; other ones for every `seed`.
+    pub fn new(options: &DirectOptions, sharp_as_soft: bool, seed: u32) -> Self {
         let phases = PERIOD * PERIOD;
         let probe_rays = options.probe_rays.max(1);
         // One stratified set over all phases, dealt out so that each phase gets a spread-out share.
-        let all = sobol4(probe_rays * phases as u32, 0, 1);
+        let all = sobol4(probe_rays * phases as u32, 0, seeded(seed, 1));
         let probe = (0..phases)
             .map(|k| {
                 (0..probe_rays as usize).map(|i| [all[i * phases + k][0], all[i * phases + k][1]]).collect()
             })
             .collect();
-        let base = sobol4(options.penumbra_rays.max(4), 0, 2);
+        let base = sobol4(options.penumbra_rays.max(4), 0, seeded(seed, 2));
         let refine = (0..phases)
             .map(|k| {
                 let k = k as f32;

@@ -2,7 +2,7 @@
 
 use super::Surroundings;
 use crate::elements::Elements;
-use crate::sampling::{cosine_hemisphere, frame, sobol4, to_world};
+use crate::sampling::{cosine_hemisphere, frame, seeded, sobol4, to_world};
 use crate::transport::{ClearTracer, Hit, Ray, Tracer};
 use crate::units::{Irradiance, Radiosity};
 use glam::Vec3;
@@ -24,9 +24,9 @@ pub struct Gathered {
 }
 
 impl DirectionSet {
-    /// About `rays` directions; at least 16.
-    pub fn new(rays: u32) -> Self {
-        let mut points: Vec<[f32; 4]> = sobol4(rays.max(16), 0, 3);
+    /// About `rays` directions; at least 16. Other ones for every `seed`.
+    pub fn new(rays: u32, seed: u32) -> Self {
+        let mut points: Vec<[f32; 4]> = sobol4(rays.max(16), 0, seeded(seed, 3));
         let key = |p: &[f32; 4]| {
             let quantise = |x: f32| ((x * 64.0) as u32).min(63);
             morton(quantise(p[0]), quantise(p[1]))

@@ -58,8 +58,9 @@ pub fn gather<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
     coarse: &[Irradiance],
     around: &Surroundings<T, S>,
     options: &GatherOptions,
+    seed: u32,
     progress: &mut Progress,
 ) -> Indirect {
-    let set = DirectionSet::new(options.rays);
+    let set = DirectionSet::new(options.rays, seed);
     cells::fill(elements, direct, coarse, around, &set, options, progress)
 }

@@ -6,6 +6,7 @@ use super::pairs::Pairs;
 use super::rows::RowSource;
 use crate::elements::{Elements, Patches};
 use crate::options::{FormFactors, SolveOptions};
+use crate::sampling::seeded;
 use crate::transport::form_factors::hemicube::Hemicube;
 use crate::transport::form_factors::rays::RaySet;
 use crate::transport::form_factors::{Landings, Row, SurfacePoint};
@@ -38,6 +39,8 @@ pub(super) struct Assembler<'a, T, S> {
     mean_set: u8,
     /// Patches that see nothing.
     open: Vec<bool>,
+    /// Of the samples.
+    seed: u32,
     rays: AtomicU64,
 }
 
@@ -51,12 +54,12 @@ enum Method<'a, T> {
 }
 
 impl<'a, T: Tracer, S: Fn(Vec3) -> Radiance + Sync> Assembler<'a, T, S> {
-    pub fn new(surfaces: &'a Surfaces<'a, T>, sky: &'a S, options: &SolveOptions) -> Self {
+    pub fn new(surfaces: &'a Surfaces<'a, T>, sky: &'a S, options: &SolveOptions, seed: u32) -> Self {
         let mean = options.rays_per_patch.clamp(1, 1 << 16).next_power_of_two();
         let set_of = set_of(&surfaces.patches.area, surfaces.patches.mean_area, mean);
         let mean_set = mean.trailing_zeros() as u8;
         let pairs = |wanted: &(dyn Fn(u32) -> bool + Sync)| {
-            Pairs::new(surfaces, Facets::new(surfaces.elements, surfaces.patches, wanted))
+            Pairs::new(surfaces, Facets::new(surfaces.elements, surfaces.patches, wanted), seed)
         };
         let method = match options.form_factors {
             FormFactors::Ray => Method::Rays,
@@ -70,7 +73,18 @@ impl<'a, T: Tracer, S: Fn(Vec3) -> Radiance + Sync> Assembler<'a, T, S> {
         let sees_nothing =
             |patch: u32| surfaces.patches.elements_of(patch).iter().all(|&e| surfaces.is_open(e));
         let open = (0..surfaces.patches.len() as u32).map(sees_nothing).collect();
-        Self { surfaces, sky, method, sets, area_up_to, set_of, mean_set, open, rays: AtomicU64::new(0) }
+        Self {
+            surfaces,
+            sky,
+            method,
+            sets,
+            area_up_to,
+            set_of,
+            mean_set,
+            open,
+            seed,
+            rays: AtomicU64::new(0),
+        }
     }
 
     /// Rays sent so far.
@@ -132,7 +146,8 @@ impl<'a, T: Tracer, S: Fn(Vec3) -> Radiance + Sync> Assembler<'a, T, S> {
         };
         let set = &self.sets[usize::from(self.set_of[patch as usize])];
         let mut landings = Landings::for_rays(set.len());
-        set.row(self.surfaces.patches.key[patch as usize], place, land, &mut landings, row);
+        let key = seeded(self.seed, self.surfaces.patches.key[patch as usize]);
+        set.row(key, place, land, &mut landings, row);
         u64::from(set.len())
     }
 

@@ -77,12 +77,13 @@ pub fn coarse<T: Tracer, S: Fn(Vec3) -> Radiance + Sync>(
     surfaces: &Surfaces<T>,
     sources: &Sources<S>,
     options: &SolveOptions,
+    seed: u32,
     memory_bytes: u64,
     progress: &mut Progress,
 ) -> Result<Coarse> {
     let patches = surfaces.patches.len();
     progress.restart(2 * patches as u64);
-    let assembler = Assembler::new(surfaces, &sources.sky, options);
+    let assembler = Assembler::new(surfaces, &sources.sky, options, seed);
     let keep = budget::keep_rows(&assembler, options, memory_bytes)?;
     let (faint, faint_rays) = faint_irradiance(surfaces, sources.faint, progress);
     let outside = |beyond: &[[f32; 3]]| -> Vec<Irradiance> {

@@ -4,6 +4,7 @@
 use super::coarse::Surfaces;
 use super::facets::{Facet, Facets};
 use crate::elements::Elements;
+use crate::sampling::seeded;
 use crate::transport::form_factors::Row;
 use crate::transport::form_factors::area::polygon_to_polygon_by_rule;
 use crate::transport::form_factors::polygon::point_to_polygon;
@@ -31,11 +32,13 @@ pub(super) struct Pairs<'a, T> {
     elements: &'a Elements,
     surfaces: &'a Surfaces<'a, T>,
     facets: Facets,
+    /// Of the looks.
+    seed: u32,
 }
 
 impl<'a, T: Tracer> Pairs<'a, T> {
-    pub fn new(surfaces: &'a Surfaces<'a, T>, facets: Facets) -> Self {
-        Self { elements: surfaces.elements, surfaces, facets }
+    pub fn new(surfaces: &'a Surfaces<'a, T>, facets: Facets, seed: u32) -> Self {
+        Self { elements: surfaces.elements, surfaces, facets, seed }
     }
 
     /// Puts closed forms in the place of all of a row's sampled factors; returns the rays that took.
@@ -125,7 +128,8 @@ impl<'a, T: Tracer> Pairs<'a, T> {
         let patches = self.surfaces.patches;
         let (here, there) = (patches.elements_of(from), patches.elements_of(to));
         let [from_key, to_key] = [from, to].map(|patch| patches.key[patch as usize]);
-        let turn = from_key.wrapping_mul(0x9e37_79b9) ^ to_key.wrapping_mul(0x85eb_ca6b);
+        let own = from_key.wrapping_mul(0x9e37_79b9) ^ to_key.wrapping_mul(0x85eb_ca6b);
+        let turn = seeded(self.seed, own);
         let (mut passed, mut all) = (0.0, 0.0);
         for k in 0..looks {
             // Hammersley points, turned and scrambled by the pair's numbers; both lists lie along Z-order curves.
