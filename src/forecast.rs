@@ -17,6 +17,10 @@ use serde::Serialize;
 
 /// Densities of the trials, as shares of the bake's: their texels are about 1/81 and 1/9 of all.
 const TRIALS: [f32; 2] = [1.0 / 9.0, 1.0 / 3.0];
+/// The same of small bakes: a ninth of their texels would be too few to tell from, and more of them cost little.
+const TRIALS_OF_SMALL: [f32; 2] = [1.0 / 3.0, 2.0 / 3.0];
+/// Covered texels of a small bake.
+const SMALL_TEXELS: f64 = 200_000.0;
 /// How often a trial is repeated, at the most; the shortest time counts.
 const REPEATS: usize = 3;
 /// Trials are repeated until they took this long together, seconds.
@@ -85,7 +89,11 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
         let atlas = atlas::unwrap(scene, &plan.sides, &options.atlas, &progress)?;
         let unwrapped = (run.clock)();
         let memory_bytes = memory::predict(scene, &atlas, options.light.solve.patches);
-        let [small, large] = TRIALS.map(|share| trial(scene, options, atlas.density * share, run));
+        let pages = atlas.pages.iter().filter(|page| page.exported);
+        let covered: f64 =
+            pages.map(|page| f64::from(page.size_texels).powi(2) * f64::from(atlas.fill)).sum();
+        let trials = if covered < SMALL_TEXELS { TRIALS_OF_SMALL } else { TRIALS };
+        let [small, large] = trials.map(|share| trial(scene, options, atlas.density * share, run));
         let (small, large) = (small?, large?);
 
         let shares = [&small, &large].map(|lit| f64::from(lit.atlas.density) / f64::from(atlas.density));
@@ -94,9 +102,6 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
             let charts = lit.elements.charts.iter().filter(|chart| !chart.exported);
             charts.map(|chart| chart.elements.len()).sum::<usize>() as f64
         });
-        let pages = atlas.pages.iter().filter(|page| page.exported);
-        let covered: f64 =
-            pages.map(|page| f64::from(page.size_texels).powi(2) * f64::from(atlas.fill)).sum();
         let elements = covered + grown(shares, hidden);
         let mut stages = vec![(Stage::Plan, planned - started), (Stage::Atlas, unwrapped - planned)];
         let (mut rays, mut patches) = (0.0, large.light.patches as f64);

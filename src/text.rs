@@ -73,6 +73,8 @@ pub fn significant(number: f64) -> String {
         x if x >= 100.0 => format!("{number:.0}"),
         x if x >= 10.0 => format!("{number:.1}"),
         x if x >= 1.0 => format!("{number:.2}"),
+        x if x >= 0.1 => format!("{number:.3}"),
+        x if x >= 0.01 => format!("{number:.4}"),
         _ => format!("{number:.2e}"),
     }
 }
@@ -88,8 +90,8 @@ mod tests {
         let durations = [0.0, 9.99, 9.999, 59.94, 59.96, 125.4, 3725.0].map(duration);
         assert_eq!(durations, ["0.00 s", "9.99 s", "10.0 s", "59.9 s", "1:00", "2:05", "1:02:05"]);
         assert_eq!(
-            [0.0, 0.01234, 1.2345, 64.125, 6412.5].map(significant),
-            ["0", "1.23e-2", "1.23", "64.1", "6412"]
+            [0.0, 0.001234, 0.01234, 0.1234, 1.2345, 64.125, 6412.5].map(significant),
+            ["0", "1.23e-3", "0.0123", "0.123", "1.23", "64.1", "6412"]
         );
         assert_eq!([bytes(512), bytes(3 << 19), bytes(4 << 30)], ["0.5 KiB", "1.5 MiB", "4.0 GiB"]);
         let shares = [0.0, 1e-6, 5e-4, 0.034, 0.99].map(percent);

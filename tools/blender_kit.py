@@ -207,6 +207,13 @@ def point_lamp(name, at, watts, colour=(1, 1, 1)):
     return add(name, data, at=at)
 
 
+def soft(lamp, radius):
+    """Gives a point or spot lamp a size (m). glTF has no field for it, so it goes along as a property."""
+    lamp.data.shadow_soft_size = radius
+    lamp.data["radius"] = radius
+    return lamp
+
+
 def spot_lamp(name, at, towards, watts, cone, blend, colour=(1, 1, 1)):
     """`cone` is the full opening angle in radians, as in Blender."""
     data = bpy.data.lights.new(name, "SPOT")

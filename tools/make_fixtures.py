@@ -91,6 +91,52 @@ def grey_lamp():
     kit.camera((1.2, -1.2, 2.4), (-0.5, 0.5, 1.2), lens=20)
 
 
+# ---- scenes that call for little ---------------------------------------------------------------------------------
+
+
+@fixture
+def grey_hall():
+    """A grey empty hall under 24 soft lamps: nothing stands in the way of any light, and one colour channel does."""
+    grey = kit.material("plaster", (0.5, 0.5, 0.5))
+    kit.add("hall", kit.boxes("hall", [((0, 0, 0), (12, 8, 4))], grey, inward=True))
+    for i in range(6):
+        for j in range(4):
+            kit.soft(kit.point_lamp(f"lamp {i + 1}.{j + 1}", (2 * i + 1, 2 * j + 1, 3.4), watts=30), radius=0.08)
+    kit.camera((0.6, 0.6, 2.6), (9, 6, 1), lens=18)
+
+
+@fixture
+def lone_pedestal():
+    """A convex block on show under 16 coloured soft lamps: no surface sees another, so no light bounces."""
+    marble = kit.material("marble", (0.7, 0.66, 0.6))
+    kit.add("pedestal", kit.boxes("pedestal", [((-0.6, -0.6, 0), (0.6, 0.6, 1.8))], marble))
+    for i in range(16):
+        turn = 2 * math.pi * i / 16
+        colour = [0.6 + 0.4 * math.cos(turn + shift) for shift in (0, 2.1, 4.2)]
+        at = (3 * math.cos(turn), 3 * math.sin(turn), 2.5)
+        kit.soft(kit.point_lamp(f"lamp {i + 1}", at, watts=60, colour=colour), radius=0.1)
+    kit.camera((3.2, -3.4, 2.6), (0, 0, 0.9))
+
+
+@fixture
+def sealed_hall():
+    """A closed hall, double-sided as Blender's materials are by default; sun, sky and street lamps never get in."""
+    walls = kit.material("walls", (0.7, 0.62, 0.5), double_sided=True)
+    wood = kit.material("wood", (0.4, 0.25, 0.15), double_sided=True)
+    kit.add("hall", kit.boxes("hall", [((0, 0, 0), (6, 4, 3))], walls, inward=True))
+    tables = [((1 + 2 * i, 1.2, 0.4), (1.8 + 2 * i, 2.6, 0.8)) for i in range(2)]
+    for number, table in enumerate(tables):
+        kit.add(f"table {number + 1}", kit.boxes(f"table {number + 1}", [table], wood))
+    for number, at in enumerate([(1.5, 2, 2.6), (4.5, 2, 2.6)]):
+        kit.point_lamp(f"lamp {number + 1}", at, watts=80, colour=(1, 0.85, 0.6))
+    for i in range(6):
+        for side, y in (("south", -2), ("north", 6)):
+            kit.soft(kit.point_lamp(f"street lamp {side} {i + 1}", (2.4 * i - 3, y, 4), watts=200), radius=0.15)
+    kit.sun_lamp("sun", shining=(0.3, 0.5, -1), strength=4.0, angle=math.radians(0.53))
+    bpy.context.scene["lightkiln"] = {"sky": [0.4, 0.6, 1.0], "sky_strength": 2.0}
+    kit.camera((0.4, 0.4, 2.3), (4.5, 2.8, 0.6), lens=18)
+
+
 # ---- rooms as artists make them -----------------------------------------------------------------------------------
 
 
