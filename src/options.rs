@@ -126,7 +126,8 @@ impl Default for LightOptions {
 /// Direct light.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct DirectOptions {
-    /// Visibility rays every texel sends towards every lamp it may see, before anything is refined.
+    /// Visibility rays every texel sends towards every lamp it may see, before anything is refined; 0 refines every
+    /// texel, so that each holds the mean over its own square and nothing hangs on what a few rays meet.
     pub probe_rays: u32,
     /// Visibility rays where the probes disagree.
     pub penumbra_rays: u32,

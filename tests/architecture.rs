@@ -50,11 +50,12 @@ const MAY_NAME: [(&str, &[&str]); 31] = [
 const STAGES: &str = "stages";
 
 /// Where a foreign crate may be named: folders and files of `src`.
-const HOMES: [(&str, &[&str]); 19] = [
+const HOMES: [(&str, &[&str]); 20] = [
     ("base64", &["import/", "export/", "study/page.rs"]),
     ("clap", &["cli/", "main.rs"]),
+    ("colorous", &["study/accuracy/maps.rs"]),
     ("comfy_table", &["study/sheet.rs"]),
-    ("csv", &["study/sheet.rs"]),
+    ("csv", &["study/sheet.rs", "study/accuracy/beside.rs"]),
     ("ctrlc", &["cli/"]),
     ("draco_gltf", &["import/"]),
     ("exr", &["export/exr.rs", "import/sky_image.rs"]),

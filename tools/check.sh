@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Runs every check of the project: format, lints, tests, and a round trip of baked fixtures through Blender and the
-# Khronos validator. Installs what it needs into target/venv and tools/node_modules. Exit code 0: everything passed.
+# Khronos validator, and pages of studies through a browser. Installs what it needs into target/venv and tools/node_modules, and Debian's
+# chromium where there is none and it may. Exit code 0: everything passed.
 #
 # Needs cargo, g++, npm and Python 3.11; the first run fetches Blender as a Python module (about 300 MB).
 set -euo pipefail
@@ -82,6 +83,23 @@ set_up_validator() {
   fi
 }
 
+set_up_browser() {
+  if [[ -z ${CHROMIUM:-} ]] && ! [[ -x /usr/bin/chromium || -x /usr/bin/chromium-browser || -x /usr/bin/google-chrome ]]; then
+    ((EUID == 0)) && command -v apt-get >/dev/null || give_up "Chromium is missing: apt-get install chromium, or name yours by CHROMIUM"
+    apt-get update -qq
+    apt-get install -y -qq chromium >/dev/null
+  fi
+}
+
+# Small studies of every kind, and their pages as a browser shows them; screenshots stay in target/pages.
+study_pages() {
+  local studies="$work/studies" program=target/release/lightkiln
+  "$program" study effects fixtures/grey_lamp.glb --page-size 64 --quality draft --out "$studies" >/dev/null
+  "$program" study accuracy fixtures/grey_lamp.glb --page-size 48 --out "$studies" >/dev/null 2>"$work/study" ||
+    { tail -n 20 "$work/study"; return 1; }
+  node tools/check_pages.mjs --screenshots target/pages "$studies"/*.html
+}
+
 # Bakes every fixture and examines the result; a fixture that cannot be baked counts as failed and takes no part in what follows.
 bake_fixtures() {
   local fixture out good=0 bad=0
@@ -110,9 +128,10 @@ check "format" cargo fmt --check
 check "lints" cargo clippy --release --all-targets -- -D warnings
 counted_check "tests" cargo test --release --no-fail-fast
 
-heading "set up Blender and the validator"
+heading "set up Blender, the validator and the browser"
 set_up_blender
 set_up_validator
+set_up_browser
 
 heading "bake the fixtures"
 pairs=()
@@ -125,6 +144,7 @@ if ((${#pairs[@]})); then
   counted_check "round trip through Blender" target/venv/bin/python tools/roundtrip.py --views --pairs "${pairs[@]}"
   counted_check "Khronos validator" node tools/validate_gltf.mjs --baseline "${pairs[@]}"
 fi
+counted_check "pages of studies" study_pages
 # Every kind of light that glTF drops, exported, baked, and baked again by Cycles.
 counted_check "light as in Cycles" target/venv/bin/python tools/roundtrip.py --own --cycles 512 --page-size 64
 

@@ -1,21 +1,23 @@
-"""Draws error against time for lightkiln, Cycles and Cycles with OpenImageDenoise: one scene, one page, one reference.
+"""Puts Cycles, and Cycles with OpenImageDenoise, into lightkiln's study of accuracy: same scene, same texture space, same reference.
 
-    python tools/compare_cycles.py SCENE.glb --out DIR [--page-size 512] [--samples 4,16,64] [--sky R,G,B]
+    python tools/compare_cycles.py SCENE.glb --out DIR [--page-size 512] [--samples 4,16,64] [--sky R,G,B] [--points FILE.npz]
 
-All bake the same texture space, the one lightkiln makes, and are asked at the same points of the surfaces. The
-reference is lightkiln's own `--quality reference`; the mean of the Cycles bake with the most samples, which has no
-bias, is printed beside it as a check. With `--points FILE.npz` (arrays p: positions, E: irradiance; metres and W/m² in
-glTF's axes) an independent reference takes its place.
+Runs `lightkiln study accuracy`, which leaves its reference in DIR as reference.glb; bakes the same lightmap coordinates with Cycles;
+compares both at the same random points of the surfaces; writes cycles.csv, with the columns of accuracy.csv; and runs the study again with
+`--beside cycles.csv`, so that everything stands in one table and one plot, DIR/accuracy.html. `--no-study` does the middle alone, in a
+folder that has a reference.
 
-Seconds are those of the whole command for lightkiln, and of the bake operator alone for Cycles: its start, its import
-and the saving of the picture are not counted. Writes errors.csv and errors.png.
+With `--points FILE.npz` (arrays p: positions, E: irradiance, and g: normals; metres and W/m² in glTF's axes), an independent reference
+such as Mitsuba's judges as well: rows for the study's own reference and for Cycles say "by FILE". Lightmaps of finite texels err at contacts
+and shadow borders, whatever their effort: the row of the reference shows how much.
 
-Needs bpy (tools/requirements.txt) and matplotlib.
+Seconds are those of all stages from plan to gather for lightkiln, of the bake operator alone for Cycles: neither reads nor writes files.
+
+Needs bpy (tools/requirements.txt).
 """
 
 import argparse
 import csv
-import json
 import subprocess
 import time
 from pathlib import Path
@@ -25,32 +27,36 @@ import numpy as np
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
-LEVELS = ["draft", "preview", "good", "high"]
 POINTS = 20_000
-# Rows without a denoiser of their own.
-RAW, DENOISED, OURS = "Cycles", "Cycles + OpenImageDenoise", "lightkiln"
+RAW, DENOISED = "Cycles", "Cycles + OpenImageDenoise"
+COLUMNS = ["sweep", "setting", "seconds", "rms", "median", "95th percentile", "largest", "bias"]
 
 
 def main():
     wanted = arguments()
-    wanted.out.mkdir(parents=True, exist_ok=True)
-    rows, baked = [], {}
-    for level in [*wanted.quality, "reference"]:
-        if level == "reference" and wanted.points:
-            continue
-        baked[level], seconds = run_lightkiln(wanted, level)
-        rows.append([OURS, level, seconds, baked[level]])
-    scene = Imported(next(iter(baked.values())), wanted.sky)
-    points = scene.points_at(*load_points(wanted.points)) if wanted.points else scene.random_points(POINTS)
-    asked = {level: scene.ask(lightmap_of(path), points) for level, path in baked.items()}
-    truth = points["irradiance"] if wanted.points else asked["reference"]
-    results = [result(OURS, level, seconds, asked[level], truth) for _, level, seconds, _ in rows if level != "reference"]
+    beside = wanted.out / "cycles.csv"
+    if wanted.study:
+        study(wanted)
+    reference = wanted.out / "reference.glb"
+    scene = Imported(reference, wanted.sky)
+    truth_map = lightmap_of(reference) * np.pi
+    points = scene.random_points(POINTS)
+    judges = [("", points, scene.ask(truth_map, points))]
+    rows = []
+    if wanted.points:
+        others = scene.points_at(*load_points(wanted.points))
+        name = f", by {wanted.points.stem}"
+        judges.append((name, others, others["irradiance"]))
+        rows.append(result(f"lightkiln's reference{name}", "", None, scene.ask(truth_map, others), others["irradiance"]))
     for samples in wanted.samples:
-        pixels, seconds = scene.bake(samples, wanted.page_size)
-        results.append(result(RAW, samples, seconds, scene.ask(pixels * np.pi, points), truth))
+        pixels, seconds = scene.bake(samples, truth_map.shape[0])
         clean, more = denoise(pixels)
-        results.append(result(DENOISED, samples, seconds + more, scene.ask(clean * np.pi, points), truth))
-    report(results, wanted)
+        for who, took, found in [(RAW, seconds, pixels), (DENOISED, seconds + more, clean)]:
+            for name, at, truth in judges:
+                rows.append(result(who + name, f"{samples} samples", took, scene.ask(found * np.pi, at), truth))
+    report(rows, beside)
+    if wanted.study:
+        study(wanted, "--beside", beside)
 
 
 def arguments():
@@ -59,22 +65,21 @@ def arguments():
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--page-size", type=int, default=512)
     parser.add_argument("--samples", type=lambda s: [int(n) for n in s.split(",")], default=[4, 16, 64])
-    parser.add_argument("--quality", type=lambda s: s.split(","), default=LEVELS)
     parser.add_argument("--sky", help="R,G,B of a constant sky, given to both")
     parser.add_argument("--points", type=Path)
+    parser.add_argument("--no-study", dest="study", action="store_false")
     parser.add_argument("--lightkiln", default="target/release/lightkiln")
     return parser.parse_args()
 
 
-def run_lightkiln(wanted, level):
-    out = wanted.out / f"{wanted.scene.stem}.{level}.glb"
-    command = [wanted.lightkiln, "bake", wanted.scene, "-o", out, "--quality", level, "--quiet", "--float",
-               "--page-size", wanted.page_size, "--max-pages", 1, "--store", "irradiance"]
+def study(wanted, *more):
+    """The study; a reference that does not agree with itself is told by it, and is no reason to stop."""
+    command = [wanted.lightkiln, "study", "accuracy", wanted.scene, "--out", wanted.out, "--page-size", wanted.page_size, "--max-pages", 1, *more]
     if wanted.sky:
         command += ["--sky", wanted.sky]
-    started = time.perf_counter()
-    subprocess.run([str(word) for word in command], check=True)
-    return out, time.perf_counter() - started
+    ended = subprocess.run([str(word) for word in command])
+    if ended.returncode not in (0, 1) or not (wanted.out / "reference.glb").exists():
+        raise SystemExit(f"the study ended with code {ended.returncode}")
 
 
 def read_exr(path):
@@ -87,9 +92,10 @@ def read_exr(path):
 
 
 def lightmap_of(baked):
+    """E/π"""
     maps = sorted(baked.parent.glob(f"{baked.stem}.lightmap*.exr"))
     if len(maps) != 1:
-        raise SystemExit(f"{baked} has {len(maps)} lightmaps, one is needed: lower --page-size's density or the scene")
+        raise SystemExit(f"{baked} has {len(maps)} lightmaps, one is needed: raise --page-size")
     return read_exr(maps[0])
 
 
@@ -168,6 +174,8 @@ class Imported:
             weights, *_ = np.linalg.lstsq(np.stack([b - a, c - a], axis=1), np.array(at) - a, rcond=None)
             uv.append(self.uv[index][0] + weights @ (self.uv[index][1:] - self.uv[index][0]))
             kept.append(k)
+        if not kept:
+            raise SystemExit("none of the points lies on the scene's surfaces: they are of another scene, or in other axes")
         return {"uv": np.array(uv), "irradiance": irradiance[kept]}
 
     @staticmethod
@@ -270,51 +278,24 @@ def denoise(pixels):
 
 
 def result(who, effort, seconds, found, truth):
-    """Errors as shares: of the root mean square for rms, of the mean for the others."""
+    """Errors as shares of the mean of the truth, as the study has them."""
     good = np.isfinite(found).all(axis=1) & np.isfinite(truth).all(axis=1)
     found, truth = found[good], truth[good]
     error = np.abs(found - truth).mean(axis=1) / truth.mean()
-    return {
-        "by": who,
-        "effort": effort,
-        "seconds": round(seconds, 3),
-        "median error": float(np.median(error)),
-        "95th percentile": float(np.quantile(error, 0.95)),
-        "rms error": float(np.sqrt(((found - truth) ** 2).mean() / (truth**2).mean())),
-        "bias": float((found - truth).mean() / truth.mean()),
-    }
+    bias = (found - truth).mean() / truth.mean()
+    errors = [np.sqrt((error**2).mean()), np.median(error), np.quantile(error, 0.95), error.max(), bias]
+    return dict(zip(COLUMNS, [who, effort, "" if seconds is None else round(seconds, 3), *map(float, errors)]))
 
 
-def report(results, wanted):
-    for row in results:
-        errors = "  ".join(f"{key} {100 * row[key]:6.2f} %" for key in ("median error", "95th percentile", "rms error", "bias"))
-        print(f"{row['by']:26} {str(row['effort']):8} {row['seconds']:8.2f} s  {errors}")
-    with open(wanted.out / "errors.csv", "w", newline="") as file:
-        table = csv.DictWriter(file, results[0].keys())
+def report(rows, path):
+    for row in rows:
+        errors = "  ".join(f"{key} {100 * row[key]:6.2f} %" for key in COLUMNS[3:])
+        seconds = f"{row['seconds']:8.2f} s" if row["seconds"] != "" else " " * 10
+        print(f"{row['sweep']:40} {row['setting']:12} {seconds}  {errors}")
+    with open(path, "w", newline="") as file:
+        table = csv.DictWriter(file, COLUMNS)
         table.writeheader()
-        table.writerows(results)
-    (wanted.out / "errors.json").write_text(json.dumps(results, indent=1))
-    draw(results, wanted)
-
-
-def draw(results, wanted):
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, plots = pyplot.subplots(1, 2, figsize=(11, 4.5), sharex=True)
-    for plot, key in zip(plots, ("median error", "95th percentile")):
-        for who, mark in ((OURS, "o-"), (DENOISED, "s--"), (RAW, "^:")):
-            rows = [row for row in results if row["by"] == who]
-            plot.loglog([row["seconds"] for row in rows], [100 * row[key] for row in rows], mark, label=who)
-            for row in rows:
-                plot.annotate(row["effort"], (row["seconds"], 100 * row[key]), xytext=(4, 4), textcoords="offset points", fontsize=8)
-        plot.set(xlabel="seconds", ylabel=f"{key}, % of the mean", title=f"{wanted.scene.stem}, {wanted.page_size}²")
-        plot.grid(True, which="both", alpha=0.3)
-    plots[0].legend()
-    figure.tight_layout()
-    figure.savefig(wanted.out / "errors.png", dpi=110)
+        table.writerows(rows)
 
 
 if __name__ == "__main__":

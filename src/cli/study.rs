@@ -1,5 +1,6 @@
 //! `lightkiln study`.
 
+mod accuracy;
 mod cost;
 
 use super::args::{AtlasArgs, SceneArgs};
@@ -20,6 +21,7 @@ use std::time::Instant;
 
 const EXAMPLES: &str = "\
 Examples:
+  lightkiln study accuracy room.glb --out study       what accuracy costs, with plots
   lightkiln study effects room.glb                    what leaving effects out saves in this scene
   lightkiln study effects fixtures/*.glb --out study  the same of many, as CSV and as a page with plots
 
@@ -39,6 +41,8 @@ pub struct StudyArgs {
 pub enum StudyCommand {
     /// What leaving effects out saves, and that it changes nothing
     Effects(EffectsArgs),
+    /// What accuracy costs: error against time for every setting, judged by a converged reference
+    Accuracy(accuracy::AccuracyArgs),
 }
 
 /// The arguments of `study effects`, as typed.
@@ -85,6 +89,7 @@ pub struct HowArgs {
 /// Studies, prints, and returns the exit code.
 pub fn run(args: &StudyArgs) -> ExitCode {
     match &args.command {
+        StudyCommand::Accuracy(args) => accuracy::run(args),
         StudyCommand::Effects(args) if args.measure.is_some() => cost::tell(args),
         StudyCommand::Effects(args) => finish(study_effects(args), &args.how, args.inputs.first()),
     }

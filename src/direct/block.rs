@@ -51,6 +51,9 @@ pub fn cut(elements: &Elements) -> Vec<Block> {
     blocks
 }
 
+/// Where every texel is refined, so many rays that all agree tell that no shadow border passes.
+const ENOUGH: usize = 256;
+
 /// What the probes of one emitter say about a texel.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Class {
@@ -312,6 +315,7 @@ impl<T: Tracer> Work<'_, T> {
                 continue;
             }
             let doubtful = class == Class::Mixed
+                || self.patterns.everywhere && T::SENDS
                 || grid.neighbours(i).iter().any(|&n| {
                     scratch.class[n] != Class::Out
                         && (scratch.class[n] != class
@@ -335,7 +339,11 @@ impl<T: Tracer> Work<'_, T> {
         let clear = receiver.origin_world - receiver.position_world;
         let centre = receiver.position_world + receiver.normal_geometric * lift;
         let (mut all, mut passed) = (Vec3::ZERO, Vec3::ZERO);
-        for &[s, t, u, v] in &self.patterns.refine[self.grid.phase(i)] {
+        let points = &self.patterns.refine[self.grid.phase(i)];
+        for (sent, &[s, t, u, v]) in points.iter().enumerate() {
+            if self.patterns.everywhere && sent == ENOUGH && (passed == all || passed == Vec3::ZERO) {
+                break;
+            }
             receiver.position_world = centre + half_u * (2.0 * s - 1.0) + half_v * (2.0 * t - 1.0);
             receiver.origin_world = receiver.position_world + clear;
             let Some(shadow) = emitter.shadow_ray(&receiver, [u, v]) else { continue };
@@ -355,7 +363,7 @@ impl<T: Tracer> Work<'_, T> {
     /// differ, so that no grain is left. A linear ramp is its own mean: nothing is blurred.
     fn smoothed<E: Emitter>(&self, emitter: &E, scratch: &Scratch, i: usize) -> Vec3 {
         let around = self.grid.neighbours(i);
-        if emitter.is_sharp() || !around.iter().all(|&n| scratch.refined[n]) {
+        if emitter.is_sharp() || self.patterns.everywhere || !around.iter().all(|&n| scratch.refined[n]) {
             return scratch.ratio[i];
         }
         (around.iter().map(|&n| scratch.ratio[n]).sum::<Vec3>() + scratch.ratio[i]) / 9.0

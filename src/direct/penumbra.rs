@@ -15,6 +15,8 @@ pub struct Patterns {
     pub refine: Vec<Vec<[f32; 4]>>,
     /// How many points of the probe are asked of a light without extent.
     pub sharp_probes: usize,
+    /// Whether every texel counts as one that a shadow border passes, and none is averaged with its neighbours.
+    pub everywhere: bool,
 }
 
 impl Patterns {
@@ -39,7 +41,7 @@ impl Patterns {
             })
             .collect();
         let sharp_probes = if sharp_as_soft { probe_rays as usize } else { 1 };
-        Self { probe, refine, sharp_probes }
+        Self { probe, refine, sharp_probes, everywhere: options.probe_rays == 0 }
     }
 
     /// The phase of a texel.

@@ -113,6 +113,12 @@ impl<'a> Lookup<'a> {
         Some(weights.map(|(e, w)| if e == NO_ELEMENT { (some, 0.0) } else { (e, w / total) }))
     }
 
+    /// The page that a hit's lightmap is on, and the point there, texels from the top left. `None` on sides that take no
+    /// light.
+    pub fn texel_at(&self, hit: &Hit) -> Option<(u32, Vec2)> {
+        self.place(hit).map(|(side, place)| (side.page, place))
+    }
+
     /// The hit's side and its point on the page, texels.
     #[inline]
     fn place(&self, hit: &Hit) -> Option<(&Mapped, Vec2)> {

@@ -15,7 +15,7 @@ mod uri;
 
 pub use exr::{ExrImage, HALF_MAX, decode_exr, read_exr};
 pub use files::TEMPORARY_PREFIX;
-pub use picture::{picture_png, write_png};
+pub use picture::{encode_png, picture_png, picture_rgb, write_png};
 
 use crate::atlas::Atlas;
 use crate::error::{Error, Result, Warning};

@@ -32,7 +32,12 @@ pub(super) fn fallback_png(at: &str, page: &LightmapPage) -> Result<Vec<u8>> {
 /// All pages side by side as a picture: exposed so that the brightest hundredth of the covered texels burns out,
 /// sRGB curve; dilated texels are shown, what they surround is black.
 pub fn picture_png(lightmap: &Lightmap) -> Result<Vec<u8>> {
-    let at = "picture";
+    let ([width, height], rgb) = picture_rgb(lightmap);
+    png("picture", &rgb, width, height)
+}
+
+/// The same as width and height and three bytes a pixel, row by row from the top.
+pub fn picture_rgb(lightmap: &Lightmap) -> ([usize; 2], Vec<u8>) {
     let width: usize = lightmap.pages.iter().map(|page| page.size_texels as usize).sum();
     let height = lightmap.pages.iter().map(|page| page.size_texels as usize).max().unwrap_or(0);
     let exposure = 1.0 / white(lightmap);
@@ -48,7 +53,19 @@ pub fn picture_png(lightmap: &Lightmap) -> Result<Vec<u8>> {
         }
         left += size;
     }
-    png(at, &rgb, width, height)
+    ([width, height], rgb)
+}
+
+/// A PNG of three bytes a pixel, sRGB, row by row from the top.
+pub fn encode_png(size: [u32; 2], rgb: &[u8]) -> Result<Vec<u8>> {
+    let [width, height] = size.map(|side| side as usize);
+    if width * height * 3 != rgb.len() {
+        return Err(Error::invalid(
+            "picture",
+            format!("{} bytes are not {width} × {height} pixels", rgb.len()),
+        ));
+    }
+    png("picture", rgb, width, height)
 }
 
 /// The value that becomes white: the 99th percentile of the brightest channel over covered texels, never zero.

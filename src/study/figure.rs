@@ -31,6 +31,8 @@ pub enum Look {
     /// Points joined by lines in the order they are given.
     #[default]
     Lines,
+    /// A broad pale line without points, for what lies beneath the others: a front that others do not get past.
+    Front,
     /// Points alone.
     Points,
     /// Bars over words.

@@ -3,6 +3,7 @@
 //! A study is plain data ([`Study`]): [`Study::html`] makes one page that needs nothing from outside, [`Sheet::csv`]
 //! a table for programs, [`write`] puts both into a folder.
 
+pub mod accuracy;
 pub mod effects;
 mod figure;
 mod page;

@@ -1,10 +1,10 @@
 //! A study as one HTML page that needs nothing from outside: style, plotting library, data and pictures are in it.
 
-use super::{Axis, Cell, Figure, Look, Mark, Series, Sheet, Study};
+use super::{Axis, Cell, Figure, Look, Mark, Picture, Series, Sheet, Study};
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use plotly::common::{Mode, Title};
+use plotly::common::{ExponentFormat, Line, Mode, Title};
 use plotly::layout::{AxisType, BarMode, Layout};
 use plotly::{Bar, Configuration, Plot, Scatter};
 
@@ -17,7 +17,8 @@ th, td { padding: .25rem .6rem; border-bottom: 1px solid #ddd; text-align: left;
 th { position: sticky; top: 0; background: #fff; }
 td.number { text-align: right; white-space: nowrap; }
 tr.best { background: #e8f5e9; } tr.failed { background: #ffe3e0; }
-figure { margin: 1rem 0; } img { max-width: 100%; image-rendering: pixelated; }
+.pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(20rem, 1fr)); gap: 1rem; margin-top: 1rem; }
+figure { margin: 0; } img { width: 100%; image-rendering: pixelated; } figcaption { font-size: .9rem; }
 .plot { height: 30rem; }
 ";
 
@@ -37,11 +38,8 @@ pub fn html(study: &Study) -> String {
                 h1 { (study.title) }
                 @for paragraph in &study.text { p { (paragraph) } }
                 @for (i, shown) in study.figures.iter().enumerate() { (figure(i, shown)) }
-                @for picture in &study.pictures {
-                    figure {
-                        img alt=(picture.caption) src=(format!("data:image/png;base64,{}", STANDARD.encode(&picture.png)));
-                        figcaption { (picture.caption) }
-                    }
+                @if !study.pictures.is_empty() {
+                    div.pictures { @for shown in &study.pictures { (picture(shown)) } }
                 }
                 @for sheet in &study.sheets { (table(sheet)) }
             }
@@ -57,6 +55,15 @@ fn plotting_library() -> String {
         scripts.truncate(second);
     }
     scripts
+}
+
+fn picture(picture: &Picture) -> Markup {
+    html! {
+        figure {
+            img alt=(picture.caption) src=(format!("data:image/png;base64,{}", STANDARD.encode(&picture.png)));
+            figcaption { (picture.caption) }
+        }
+    }
 }
 
 fn table(sheet: &Sheet) -> Markup {
@@ -103,6 +110,11 @@ fn trace(series: &Series) -> Box<dyn plotly::Trace> {
     let name = escaped(&series.name);
     match series.look {
         Look::Bars => Bar::new(words, series.y.clone()).name(name),
+        Look::Front => Scatter::new(series.x.clone(), series.y.clone())
+            .name(name)
+            .mode(Mode::Lines)
+            .line(Line::new().width(9.0).color("rgba(0, 0, 0, 0.13)"))
+            .text_array(words),
         look => {
             let mode = if look == Look::Lines { Mode::LinesMarkers } else { Mode::Markers };
             Scatter::new(series.x.clone(), series.y.clone()).name(name).mode(mode).text_array(words)
@@ -112,7 +124,11 @@ fn trace(series: &Series) -> Box<dyn plotly::Trace> {
 
 fn axis(axis: &Axis) -> plotly::layout::Axis {
     let kind = if axis.logarithmic { AxisType::Log } else { AxisType::Default };
-    plotly::layout::Axis::new().title(Title::with_text(escaped(&axis.label))).type_(kind).auto_margin(true)
+    plotly::layout::Axis::new()
+        .title(Title::with_text(escaped(&axis.label)))
+        .type_(kind)
+        .exponent_format(ExponentFormat::Power)
+        .auto_margin(true)
 }
 
 /// The library reads a few tags in texts: names out of files must not become any, nor end the script they stand in.
