@@ -1,7 +1,6 @@
 //! The lightmap, and where it errs, as pictures.
 
 use super::{Errors, Truth};
-use crate::bake::Lit;
 use crate::elements::TexelRef;
 use crate::export;
 use crate::options::Store;
@@ -16,9 +15,9 @@ const SCALE: [f32; 2] = [1e-3, 1e-1];
 const WIDEST: usize = 1024;
 
 /// A picture of the lightmap.
-pub fn light(scene: &Scene, lit: &Lit) -> Picture {
-    let light: Vec<_> = (0..lit.elements.len()).map(|e| lit.irradiance(e)).collect();
-    let lightmap = resolve::resolve(scene, &lit.elements, &lit.atlas, &light, Store::IrradianceOverPi);
+pub fn light(scene: &Scene, truth: &Truth) -> Picture {
+    let Truth { lit, light, .. } = truth;
+    let lightmap = resolve::resolve(scene, &lit.elements, &lit.atlas, light, Store::IrradianceOverPi);
     let (size, rgb) = export::picture_rgb(&lightmap);
     picture("the lightmap".to_owned(), size, rgb)
 }
@@ -75,6 +74,7 @@ fn picture(caption: String, [mut width, mut height]: [usize; 2], mut rgb: Vec<u8
 pub fn legend() -> String {
     let [low, high] = SCALE.map(|share| text::percent(share.into()));
     format!(
-        "Errors of single texels, as shares of the mean: black {low} and less, through violet and orange to pale yellow, {high} and more, on a logarithmic scale."
+        "Errors of single texels, as shares of the mean: black {low} and less, through violet and orange to pale \
+         yellow, {high} and more, on a logarithmic scale."
     )
 }

@@ -1,8 +1,8 @@
 //! What accuracy costs: one scene, baked many times over with more and with less effort, judged by a converged bake.
 //!
-//! The truth is `--quality reference`, gathered at every texel, with samples that no other bake uses. It is baked twice,
-//! with other samples and other patches; what the two differ by is how well the truth is known ([`Truth`]). Then the
-//! effort is varied, one setting at a time ([`sweep`]), and every bake is compared with the truth texel by texel
+//! The truth is gathered at every texel, and every texel's shadows are those of its whole square. It is baked twice, with
+//! samples that no other bake uses and with other patches; what the two differ by is how well the truth is known
+//! ([`Truth`]). Then the effort is varied, one setting at a time ([`sweep`]), and every bake is compared with the truth texel by texel
 //! ([`Errors`]). Bakes of other densities have other texels: their lightmaps are looked up, as a viewer would, at the
 //! texel centres of a converged bake of twice the density ([`grids`]).
 
@@ -45,8 +45,8 @@ pub struct Cost {
     pub seconds: f64,
     /// Rays of all stages.
     pub rays: u64,
-    /// The most memory it holds at once, bytes, as it is foretold from its texels, triangles, patches and form factors: the process that bakes
-    /// all of a study only ever grows, and would tell every bake the memory of the largest one before.
+    /// The most memory it holds at once, bytes, as it is foretold from its texels, triangles, patches and form factors:
+    /// the process that bakes all of a study only ever grows, and would tell every bake the memory of the largest before.
     pub memory_bytes: u64,
     /// What the bake itself estimates its rms error to be, as a share of the mean, where it does.
     pub estimated_error: Option<f64>,
@@ -110,7 +110,7 @@ pub fn accuracy(
     told: &dyn Fn(&str),
 ) -> Result<Outcome> {
     let truth = truth::find(scene, options, efforts(), run, told)?;
-    let mut maps = vec![maps::light(scene, &truth.lit)];
+    let mut maps = vec![maps::light(scene, &truth)];
     let mut trials = Vec::new();
     let mut known: HashMap<String, (Cost, Errors)> = HashMap::new();
     let all = sweep::settings(options);

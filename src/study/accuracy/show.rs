@@ -19,27 +19,32 @@ fn words(outcome: &Outcome) -> Vec<String> {
     let truth = &outcome.truth;
     let own = text::percent(truth.own_error());
     let verdict = if truth.agrees() {
-        format!("The two differ by {own} rms, which is what the reference itself may be off by.")
+        format!(
+            "By what the two differ, their mean, which is the reference, is off by {own} rms at the most."
+        )
     } else {
         format!(
-            "The two differ by {own} rms, more than the {} that was asked for: errors of that size say nothing.",
+            "By what the two differ, their mean, which is the reference, may be off by {own} rms, more than the {} \
+             that was asked for: errors of that size say nothing.",
             text::percent(AGREEMENT)
         )
     };
     vec![
         format!(
-            "The same scene is baked with more and with less effort, one setting changed at a time, and compared texel \
-             by texel with a reference that is gathered at each of its {} texels. The error of a texel is |E − E_ref|, \
-             mean of red, green and blue, as a share of the mean of E_ref.",
+            "The same scene is baked with more and with less effort, one setting changed at a time, and compared \
+             texel by texel with a reference that is gathered at each of its {} texels. The error of a texel is \
+             |E − E_ref|, mean of red, green and blue, as a share of the mean of E_ref.",
             text::count(truth.judged.element.len() as u64)
         ),
         format!(
-            "The reference is baked twice, with samples that no other bake uses; the second has half the patches. {verdict}"
+            "The reference is baked twice, with samples that no other bake uses; the second has half the patches. \
+             {verdict}"
         ),
         "Seconds are those of all stages from plan to gather, the shortest of some repetitions where they are few. \
-         Memory is foretold from texels, triangles, patches and form factors. Rows that no other beats both in time and \
-         in rms error are marked. Bakes of other densities have other texels: they are compared by bilinear lookup, as a \
-         viewer shows them, at the texels of a converged bake of twice the density, and only with each other."
+         Memory is foretold from texels, triangles, patches and form factors. Rows that no other beats both in time \
+         and in rms error are marked. Bakes of other densities have other texels: they are compared by bilinear \
+         lookup, as a viewer shows them, at the texels of a converged bake of twice the density, and only with each \
+         other."
             .to_owned(),
         maps::legend(),
     ]
@@ -116,6 +121,7 @@ fn references(outcome: &Outcome) -> Sheet {
             Cell::Share(round.difference.median),
             Cell::Share(round.difference.largest),
             Cell::Share(round.difference.bias),
+            Cell::Share(round.error()),
             Cell::Share(AGREEMENT),
         ];
         // What was made better afterwards is no failure.
@@ -134,7 +140,8 @@ fn references(outcome: &Outcome) -> Sheet {
             "median",
             "largest",
             "bias",
-            "rms allowed",
+            "rms of their mean",
+            "allowed",
         ],
         rows: rounds.iter().enumerate().map(row).collect(),
     }

@@ -9,12 +9,13 @@ use crate::import::Document;
 use crate::options::{BakeOptions, ExportOptions, LightOptions, Quality};
 use crate::resolve;
 use crate::scene::Scene;
+use crate::units::Irradiance;
 use glam::Vec3;
 use std::path::{Path, PathBuf};
 
-/// Two references agree when their difference has at most this rms, as a share of the mean. The smallest error that a
-/// user is offered is 0.5 %: judged by a reference that is 0.2 % off it seems √(0.5² + 0.2²) = 0.54 % at the most.
-pub const AGREEMENT: f64 = 2e-3;
+/// Two references agree when their mean is off by this much at the most, rms as a share of the mean light: then the
+/// smallest error that a user is offered, 0.5 %, seems √(0.5² + 0.3²) = 0.58 % at the most, a sixth more than it is.
+pub const AGREEMENT: f64 = 3e-3;
 
 /// How often the effort is raised until they do.
 const ROUNDS: usize = 2;
@@ -65,16 +66,28 @@ pub struct Round {
 }
 
 impl Round {
+    /// What their mean is off by, rms as a share of the mean light, at the most.
+    ///
+    /// Where errors come from sampling, each has the variance v, their difference 2v and their mean v/2: this is twice
+    /// as much, and leaves room for what the cutting into patches adds. To first order in a patch's area the second
+    /// reference, with half the patches, errs by 2b where the first errs by b; their difference is b and their mean errs
+    /// by 1.5 b: so there is room up to 2v + b² = 2 (v/2 + 2.25 b²), b² = 0.29 v.
+    pub fn error(&self) -> f64 {
+        self.difference.rms * std::f64::consts::FRAC_1_SQRT_2
+    }
+
     /// Whether they agree well enough to judge others by.
     pub fn agrees(&self) -> bool {
-        self.difference.rms <= AGREEMENT
+        self.error() <= AGREEMENT
     }
 }
 
 /// The truth and how well it is known.
 pub struct Truth {
-    /// The finer reference of the last round.
+    /// The first reference of the last round: its texture space is that of all bakes.
     pub lit: Lit,
+    /// Irradiance of its elements, the mean of the two.
+    pub light: Vec<Irradiance>,
     /// What is judged.
     pub judged: Judged,
     /// All pairs, the last one counts.
@@ -82,14 +95,9 @@ pub struct Truth {
 }
 
 impl Truth {
-    /// What the truth itself is off by, rms as a share of the mean, at the most.
-    ///
-    /// Where errors come from sampling, the two have the same variance and their difference is √2 times the error of
-    /// one. Where they come from the cutting into patches, to first order in a patch's area that of the second, with
-    /// half the patches, is twice that of the first, and their difference is the error of the first. So the difference
-    /// is no less than the error of the first.
+    /// What the truth itself is off by, rms as a share of the mean, at the most; see [`Round::error`].
     pub fn own_error(&self) -> f64 {
-        self.rounds.last().map_or(f64::INFINITY, |round| round.difference.rms)
+        self.rounds.last().map_or(f64::INFINITY, Round::error)
     }
 
     /// Whether the last pair agrees.
@@ -156,11 +164,13 @@ pub fn find(
         let difference = errors(&judged.light(&other), &judged.truth, &judged.area).ok_or_else(|| {
             Error::invalid("the scene", "no light arrives on any lightmap, so there is nothing to study")
         })?;
+        let mean = |e: usize| Irradiance((lit.irradiance(e).0 + other.irradiance(e).0) / 2.0);
+        let mean: Vec<Irradiance> = (0..lit.elements.len()).map(mean).collect();
+        let truth = judged.element.iter().map(|&e| mean[e as usize].0).collect();
         let last = Round { light, cost: [first, second], difference };
-        let agrees = last.agrees();
+        let (agrees, difference) = (last.agrees(), crate::text::percent(difference.rms));
         rounds.push(last);
-        found = Some((lit, judged));
-        let difference = crate::text::percent(difference.rms);
+        found = Some((lit, mean, Judged { truth, ..judged }));
         match (agrees, round + 1 < ROUNDS) {
             (true, _) => told(&format!("the references agree: they differ by {difference} rms")),
             (false, true) => {
@@ -172,12 +182,13 @@ pub fn find(
             break;
         }
     }
-    let (lit, judged) = found.ok_or_else(|| Error::invalid("the reference", "no effort to bake it with"))?;
-    Ok(Truth { lit, judged, rounds })
+    let (lit, light, judged) =
+        found.ok_or_else(|| Error::invalid("the reference", "no effort to bake it with"))?;
+    Ok(Truth { lit, light, judged, rounds })
 }
 
-/// Writes the truth as a baked file, `reference.glb` with its pages, 32 bit, beside the study: for others to be judged by. Returns
-/// the files.
+/// Writes the truth as a baked file, `reference.glb` with its pages, 32 bit, beside the study: for others to be judged
+/// by. Returns the files.
 pub fn write(
     document: &Document,
     scene: &Scene,
@@ -186,14 +197,13 @@ pub fn write(
     folder: &Path,
 ) -> Result<Vec<PathBuf>> {
     std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
-    let Truth { lit, rounds, .. } = truth;
-    let light: Vec<_> = (0..lit.elements.len()).map(|e| lit.irradiance(e)).collect();
+    let Truth { lit, light, rounds, .. } = truth;
     let export = ExportOptions {
         output: Some(folder.join("reference.glb")),
         full_float: true,
         ..ExportOptions::default()
     };
-    let lightmap = resolve::resolve(scene, &lit.elements, &lit.atlas, &light, export.store);
+    let lightmap = resolve::resolve(scene, &lit.elements, &lit.atlas, light, export.store);
     let effort = rounds.last().map_or_else(LightOptions::default, |round| round.light.clone());
     let settings = BakeOptions { light: effort, export: export.clone(), ..options.clone() };
     let metadata = Metadata {
