@@ -144,7 +144,7 @@ def travel(trip, options):
         engines = ["CYCLES"]
         if options.eevee:
             engines.append("BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE")
-        trip.facts["views"] = views.compare(options.lightkiln, trip.baked, preview, trip.baked.parent, engines)
+        trip.facts["views"] = views.compare(options.lightkiln, trip.baked, preview, trip.baked.parent, engines, options.three)
         trip.checks["views agree"] = trip.facts["views"].pop("problems")
 
 
@@ -184,6 +184,7 @@ def arguments():
     ask.add_argument("--cycles", type=int, default=0, metavar="SAMPLES", help="bake the same UVs in Cycles with at least so many and compare")
     ask.add_argument("--views", action="store_true", help="compare pictures of preview, applied lightmaps and render")
     ask.add_argument("--eevee", action="store_true", help="the views in EEVEE too; needs OpenGL")
+    ask.add_argument("--three", action="store_true", help="the views in three.js too; needs Chromium, npm install in tools")
     ask.add_argument("--lightkiln", type=Path, default=PROGRAM, help="the program [default: target/release/lightkiln]")
     ask.add_argument("--quality", default="good")
     ask.add_argument("--page-size", type=int, default=128)

@@ -327,7 +327,8 @@ mod tests {
         };
         let owner = owners(&[piece(4.5), piece(10.5)], 16);
         let at = |x: usize, y: usize| owner[y * 16 + x];
-        assert_eq!([at(4, 4), at(5, 5), at(8, 4), at(3, 4), at(10, 4), at(9, 4)], [0, 0, 0, 0, 1, 1]);
+        // The one between the two is as near to both.
+        assert_eq!([at(4, 4), at(5, 5), at(8, 4), at(3, 4), at(10, 4), at(9, 4)], [0, 0, 0, 0, 1, 0]);
         assert_eq!([at(2, 4), at(12, 9), at(0, 0), at(15, 15)], [NOBODY; 4]);
     }
 }

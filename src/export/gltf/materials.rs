@@ -64,9 +64,11 @@ impl<'c> Wardrobe<'c> {
     }
 }
 
-/// glTF's default material under a name.
+/// What primitives without material get: glTF's default under a name, but not metallic, as the bake takes it. A metal would
+/// not show its lightmap.
 fn default() -> Map<String, Value> {
-    Map::from_iter([("name".to_owned(), json!("default"))])
+    let matte = json!({"metallicFactor": 0});
+    Map::from_iter([("name".to_owned(), json!("default")), ("pbrMetallicRoughness".to_owned(), matte)])
 }
 
 /// Gives surfaces other materials, made from the file's own; each material is made once.
