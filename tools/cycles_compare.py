@@ -8,10 +8,14 @@ import pictures
 # Agreement that is asked for: of the means, and of the texels.
 MEAN_RATIO = 0.01
 MEDIAN_ERROR = 0.03
-# Errors and noise add up as squares: with a median noise of 2 % the error that is asked for leaves sqrt(3² - 2²) = 2.2 %
-# to differ by. Cycles is given twice the samples until its noise is that small, MOST_DOUBLINGS times at the most.
-NOISE_WANTED = 0.02
-MOST_DOUBLINGS = 6
+# Where the texels differ by more while Cycles' own noise is above this, it may be the noise: then it is given twice the samples
+# and asked again, so many times at the most. What noise is left then is averaged over square blocks of texels, in which an
+# error of ours stays. (Few samples are far from a normal distribution, so the noise cannot be taken off the error as a square.)
+MOST_NOISE = 0.015
+MOST_DOUBLINGS = 3
+BLOCKS = (1, 2, 4)
+# Fewer blocks than this have no median worth the name.
+FEWEST_BLOCKS = 50
 
 
 def bake(baked, pages, owners, samples):
@@ -19,7 +23,7 @@ def bake(baked, pages, owners, samples):
 
     The scene that is open is the original: its lamps and world stay, its shapes give way to the baked file's, which has
     the coordinates. Returns file -> two pages [rows from the top, columns, 3] of independent noise, E/pi as lightkiln's,
-    and how many samples they took together: at least `samples`.
+    and how many samples they took together: at least `samples`, more where they do not tell noise from error.
     """
     keep_light_only()
     before = set(bpy.data.objects)
@@ -63,8 +67,7 @@ def bake(baked, pages, owners, samples):
             # As many samples as there were already: the mean of the two has all of them.
             halves = [{file: (old[file] + more[file]) / 2 for file in images} for old, more in zip(halves, new)]
         taken += settings.samples
-        noisy = [file for file in images if noise_of([half[file] for half in halves], owners[file]) > NOISE_WANTED]
-        if not noisy:
+        if not any(undecided(compare(pages[file], [half[file] for half in halves], owners[file], blocks=(1,))[0]) for file in images):
             break
     return {file: (halves[0][file], halves[1][file]) for file in images}, 2 * taken
 
@@ -174,16 +177,22 @@ def relative(difference, theirs):
     return np.abs(difference) / np.maximum(theirs, 0.02 * theirs.mean())
 
 
-def noise_of(halves, owner):
-    """The median relative noise of a page: half of what its halves differ by is that of their mean."""
-    theirs = (halves[0] + halves[1]) / 2
-    where, _ = lit_texels(theirs, owner)
-    b, c = (side.mean(axis=-1)[where] for side in (theirs, halves[0] - halves[1]))
-    return float(np.median(relative(c / 2, b))) if len(b) and b.mean() > 0 else 0.0
+def block_means(image, where, owner, block):
+    """Means over the blocks that lie in `where` and on one object wholly."""
+    rows, columns = (side // block * block for side in where.shape)
+
+    def tiled(values):
+        tiles = values[:rows, :columns].reshape(rows // block, block, columns // block, block)
+        return tiles.swapaxes(1, 2).reshape(-1, block * block)
+
+    owners = tiled(owner)
+    whole = tiled(where).all(axis=1) & (owners == owners[:, :1]).all(axis=1)
+    return tiled(image.mean(axis=-1))[whole].mean(axis=1)
 
 
-def compare(ours, halves, owner):
-    """Numbers for one page. `owner` is the object at each texel, -1 where there is none."""
+def compare(ours, halves, owner, blocks=BLOCKS):
+    """Numbers for one page, over the smallest blocks that tell noise from error. `owner` is the object at each texel, -1
+    where there is none."""
     theirs = (halves[0] + halves[1]) / 2
     where, buried = lit_texels(theirs, owner)
     a, b = (side.mean(axis=-1)[where] for side in (ours, theirs))
@@ -191,23 +200,33 @@ def compare(ours, halves, owner):
         # No light at all is an answer too, when both give it.
         lit = ours[interior(owner)].any() if interior(owner).any() else True
         return {"texels": 0, "problems": ["nothing to compare"] if lit else []}, where
-    error = relative(a - b, b)
-    facts = {
-        "texels": int(where.sum()),
-        "buried": int(buried.sum()),
-        "mean ratio": float(a.mean() / b.mean()),
-        "median error": float(np.median(error)),
-        "95th percentile": float(np.percentile(error, 95)),
-        "median noise of Cycles": noise_of(halves, owner),
-        "problems": [],
-    }
+    facts = {"texels": int(where.sum()), "buried": int(buried.sum()), "mean ratio": float(a.mean() / b.mean())}
+    for block in blocks:
+        a, b, c = (block_means(side, where, owner, block) for side in (ours, theirs, halves[0] - halves[1]))
+        if block > 1 and len(a) < FEWEST_BLOCKS:
+            break
+        error = relative(a - b, b)
+        facts |= {
+            "block": block,
+            "median error": float(np.median(error)),
+            "95th percentile": float(np.percentile(error, 95)),
+            # Half of what the halves differ by is the noise of their mean.
+            "median noise of Cycles": float(np.median(relative(c / 2, b))),
+        }
+        if not undecided(facts):
+            break
+    problems = facts["problems"] = []
     if abs(facts["mean ratio"] - 1) > MEAN_RATIO:
-        facts["problems"].append(f"the mean is {facts['mean ratio']:.4f} times that of Cycles")
+        problems.append(f"the mean is {facts['mean ratio']:.4f} times that of Cycles")
     if facts["median error"] > MEDIAN_ERROR:
-        facts["problems"].append(
-            f"the median error is {facts['median error']:.2%}, Cycles' own noise {facts['median noise of Cycles']:.2%}"
-        )
+        noise = facts["median noise of Cycles"]
+        problems.append(f"the median error is {facts['median error']:.2%}, Cycles' own noise {noise:.2%}")
     return facts, where
+
+
+def undecided(facts):
+    """Whether the error of a page is too large, but may be noise."""
+    return facts.get("median error", 0) > MEDIAN_ERROR and facts["median noise of Cycles"] > MOST_NOISE
 
 
 def save_picture(path, ours, halves, where):

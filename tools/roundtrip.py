@@ -158,8 +158,9 @@ def print_trip(trip):
         print(f"      export: {sentence}")
     for file, found in trip.facts.get("Cycles", {}).items():
         if found["texels"]:
+            over = f" over blocks of {found['block']} by {found['block']} texels" if found["block"] > 1 else ""
             print(
-                f"      {file}: mean {found['mean ratio']:.4f} of Cycles', median error {found['median error']:.2%} at "
+                f"      {file}: mean {found['mean ratio']:.4f} of Cycles', median error {found['median error']:.2%}{over} at "
                 f"{found['samples']} samples (noise {found['median noise of Cycles']:.2%})"
             )
     if note := trip.facts.get("views", {}).get("note"):
@@ -184,7 +185,7 @@ def arguments():
     ask.add_argument("--cycles", type=int, default=0, metavar="SAMPLES", help="bake the same UVs in Cycles with at least so many and compare")
     ask.add_argument("--views", action="store_true", help="compare pictures of preview, applied lightmaps and render")
     ask.add_argument("--eevee", action="store_true", help="the views in EEVEE too; needs OpenGL")
-    ask.add_argument("--three", action="store_true", help="the views in three.js too; needs Chromium, npm install in tools")
+    ask.add_argument("--three", action="store_true", help="the views in three.js too; see three_view.mjs for what it needs")
     ask.add_argument("--lightkiln", type=Path, default=PROGRAM, help="the program [default: target/release/lightkiln]")
     ask.add_argument("--quality", default="good")
     ask.add_argument("--page-size", type=int, default=128)

@@ -3,7 +3,7 @@
 // usage: node three_view.mjs FILE.glb OUT.rgb WIDTH HEIGHT EV
 //        OUT.rgb: three bytes a pixel, row by row from the top
 //
-// Needs the npm packages three and playwright-core, and Chromium (CHROMIUM, or /usr/bin/chromium). Exit code 0: shown.
+// Needs Chromium (CHROMIUM, or /usr/bin/chromium) and `npm install --no-save three playwright-core` in tools. Exit code 0: shown.
 import { createServer } from "node:http";
 import { createReadStream, existsSync, writeFileSync } from "node:fs";
 import { dirname, extname, join, normalize } from "node:path";
