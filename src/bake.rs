@@ -17,7 +17,6 @@ use crate::units::Irradiance;
 use crate::{baked, import, memory, render, resolve, with_tracer};
 use glam::Vec3;
 use reflect::{Around, Reflected, Straight};
-use std::f32::consts::PI;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -126,24 +125,23 @@ pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
         })?;
         let lit = light_into(&scene, options, &mut log)?;
         let interrupted = run.cancel.load(Ordering::Relaxed);
-        let (lightmap, radiance) = log.stage(Stage::Resolve, 1, |_| {
+        let (lightmap, white) = log.stage(Stage::Resolve, 1, |_| {
             let part = lit.part(options.export.light);
             let lightmap = resolve::resolve(&scene, &lit.elements, &lit.atlas, &part, options.export.store);
-            let radiance = options.export.preview.as_ref().map(|_| {
+            let white = options.export.preview.as_ref().map(|_| {
                 let all = lit.part(LightPart::Full);
-                resolve::resolve(&scene, &lit.elements, &lit.atlas, &all, Store::Radiosity).scaled(1.0 / PI)
+                resolve::resolve(&scene, &lit.elements, &lit.atlas, &all, Store::IrradianceOverPi)
             });
-            Ok(((lightmap, radiance), 0))
+            Ok(((lightmap, white), 0))
         })?;
         let written = log.stage(Stage::Export, 1, |_| {
             let metadata = metadata(options, &scene, &lit);
-            let radiance = radiance.as_ref();
             let mut written = export::write(
                 &document,
                 &scene,
                 &lit.atlas,
                 &lightmap,
-                radiance,
+                white.as_ref(),
                 &metadata,
                 &options.export,
             )?;

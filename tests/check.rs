@@ -23,9 +23,13 @@ impl Baked {
     }
 
     fn of(input: &Path) -> Self {
+        Self::with_page(input, PAGE)
+    }
+
+    fn with_page(input: &Path, page_size: u32) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let mut options = BakeOptions { light: Quality::Draft.light(), ..BakeOptions::default() };
-        (options.atlas.page_size, options.atlas.max_pages) = (PAGE, 1);
+        (options.atlas.page_size, options.atlas.max_pages) = (page_size, 1);
         options.export.output = Some(folder.path().join("room.gltf"));
         bake(input, &options, &Run::default()).expect("the fixture can be baked");
         Self { folder }
@@ -257,4 +261,17 @@ fn an_object_whose_normals_look_the_wrong_way_is_told() {
     assert!(told.len() == 1 && told[0].0 == "floor", "{told:?}");
     assert_eq!(Baked::new("cornell.glb").told(Kind::Flipped), []);
     assert_eq!(Baked::new("double_sided.glb").told(Kind::Flipped), []);
+}
+
+#[test]
+fn too_few_texels_are_told_by_page_and_object() {
+    let cornell = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/cornell.glb");
+    let told = |page_size| Baked::with_page(&cornell, page_size).told(Kind::Density);
+    let few = told(24);
+    assert!(few.iter().any(|(at, what)| at == "light" && what.contains("no texel")), "{few:?}");
+    assert!(
+        few.iter().any(|(at, what)| at == "room.lightmap0.exr" && what.contains("--page-size")),
+        "{few:?}"
+    );
+    assert_eq!(told(PAGE), []);
 }

@@ -46,6 +46,7 @@ fn spot_lamps_follow_their_cones() {
             intensity: Intensity::grey(5.0),
             range_m: None,
             radius_m: 0.0,
+            soft_falloff: false,
             cone: Some(Cone { direction_world: Vec3::NEG_Y, inner_rad, outer_rad, falloff }),
         });
         let lit = b.light(Quality::Draft, 128);
@@ -67,6 +68,30 @@ fn spot_lamps_follow_their_cones() {
             // The ramp multiplies rounding of the cosine by at most its slope, about 20 here.
             assert!(error <= 20.0 * ROUNDING * 5.0 / 4.0, "{falloff:?}: {error}");
         }
+    }
+}
+
+#[test]
+fn soft_falloff_is_that_of_a_disc_which_faces_the_receiver() {
+    // A disc of radius r and uniform radiance that faces a point at distance d gives it πL r²/(d² + r²) head on, and
+    // I = πr²L; tilting the receiver scales that by cosθ as long as the whole disc stands above it.
+    let mut b = Builder::new();
+    let f = floor(&mut b);
+    let (position_world, radius_m) = (Vec3::new(0.2, 0.8, -0.1), 0.5_f32);
+    let intensity = Intensity::grey(5.0);
+    b.lamp(LampKind::Point {
+        position_world,
+        intensity,
+        range_m: None,
+        radius_m,
+        soft_falloff: true,
+        cone: None,
+    });
+    let lit = b.light(Quality::Draft, 64);
+    for e in of_surface(&lit, f) {
+        let to = position_world - lit.elements.position_world[e];
+        let expected = 5.0 * to.normalize().y / (to.length_squared() + radius_m * radius_m);
+        close(lit.irradiance(e).mean(), expected, ROUNDING, "I cosθ/(d² + r²)");
     }
 }
 

@@ -5,8 +5,9 @@ usage: export_scene.py SCENE.blend OUT.glb
        (Python with the bpy package; or: blender -b SCENE.blend -P tools/export_scene.py -- OUT.glb)
 
 Beside what Blender's exporter writes, custom properties (extras) carry: area lamps (`lightkiln.area_lamp` on their
-objects), the radius of point and spot lamps (`radius`), the angle of suns (`angle`), the world's colour or image
-(`lightkiln.sky`, `sky_strength`, `sky_rotation` on the scene; an image is copied beside the GLB). The scene itself stays as it is.
+objects), the radius of point and spot lamps (`radius`) and their Soft Falloff (`lightkiln.soft_falloff`), the angle of
+suns (`angle`), the world's colour or image (`lightkiln.sky`, `sky_strength`, `sky_rotation` on the scene; an image is copied
+beside the GLB). The scene itself stays as it is.
 As a module: `export(path)` exports the scene that is open and returns what could not be carried over.
 """
 
@@ -60,7 +61,6 @@ def export(path, **settings):
 
 
 def describe_lamps(undo, told):
-    soft = []
     for thing in bpy.context.scene.objects:
         if thing.type != "LIGHT" or thing.hide_render:
             continue
@@ -74,12 +74,7 @@ def describe_lamps(undo, told):
         else:
             give(lamp, "radius", lamp.shadow_soft_size, undo)
             if lamp.shadow_soft_size > 0 and getattr(lamp, "use_soft_falloff", False):
-                soft.append(thing.name)
-    if soft:
-        told.append(
-            f"{', '.join(soft)}: Soft Falloff is not carried over: at distance d they will be 1 + (radius / d)² times as "
-            "bright, which shows close by; switch it off to see in Blender what is baked"
-        )
+                describe(lamp, "soft_falloff", True, undo)
 
 
 def plain_emission(node):
@@ -248,6 +243,8 @@ def describe(owner, key, value, undo):
 
 
 def main():
+    if bpy.app.version < (3, 6):
+        sys.exit(f"this needs Blender 3.6 or newer, whose exporter says how it means lamps, not {bpy.app.version_string}")
     given = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:]
     ask = argparse.ArgumentParser(description="Exports a Blender scene for lightkiln, area lamps and world included.")
     ask.add_argument("files", nargs="+", type=Path, metavar="FILE", help="[SCENE.blend] OUT.glb")

@@ -79,12 +79,13 @@ def lossless(trip):
 def against_cycles(trip, pages, owners, samples):
     trip.open_scene()
     problems, trip.facts["Cycles"] = [], {}
-    for file, halves in cycles_compare.bake(trip.baked, pages, samples).items():
+    theirs, taken = cycles_compare.bake(trip.baked, pages, owners, samples)
+    for file, halves in theirs.items():
         found, where = cycles_compare.compare(pages[file], halves, owners[file])
         picture = trip.baked.parent / f"{Path(file).stem}.compared.png"
         cycles_compare.save_picture(picture, pages[file], halves, where)
         problems += [f"{file}: {problem}" for problem in found.pop("problems")]
-        trip.facts["Cycles"][file] = {"samples": samples, "picture": picture.name, **found}
+        trip.facts["Cycles"][file] = {"samples": taken, "picture": picture.name, **found}
     trip.checks["as in Cycles"] = problems
 
 
@@ -143,7 +144,7 @@ def travel(trip, options):
         engines = ["CYCLES"]
         if options.eevee:
             engines.append("BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0) else "BLENDER_EEVEE")
-        trip.facts["views"] = views.compare(options.lightkiln, trip.baked, preview, trip.baked.parent, document, engines)
+        trip.facts["views"] = views.compare(options.lightkiln, trip.baked, preview, trip.baked.parent, engines, options.three)
         trip.checks["views agree"] = trip.facts["views"].pop("problems")
 
 
@@ -157,8 +158,9 @@ def print_trip(trip):
         print(f"      export: {sentence}")
     for file, found in trip.facts.get("Cycles", {}).items():
         if found["texels"]:
+            over = f" over blocks of {found['block']} by {found['block']} texels" if found["block"] > 1 else ""
             print(
-                f"      {file}: mean {found['mean ratio']:.4f} of Cycles', median error {found['median error']:.2%} at "
+                f"      {file}: mean {found['mean ratio']:.4f} of Cycles', median error {found['median error']:.2%}{over} at "
                 f"{found['samples']} samples (noise {found['median noise of Cycles']:.2%})"
             )
     if note := trip.facts.get("views", {}).get("note"):
@@ -180,9 +182,10 @@ def arguments():
     ask.add_argument("files", nargs="*", metavar="FILE", help=".blend or glTF files; with --pairs ORIGINAL BAKED ...; with --own names")
     ask.add_argument("--pairs", action="store_true", help="the files are baked already")
     ask.add_argument("--own", action="store_true", help=f"scenes built here: {', '.join(test_scenes.SCENES)}")
-    ask.add_argument("--cycles", type=int, default=0, metavar="SAMPLES", help="bake the same UVs in Cycles and compare")
+    ask.add_argument("--cycles", type=int, default=0, metavar="SAMPLES", help="bake the same UVs in Cycles with at least so many and compare")
     ask.add_argument("--views", action="store_true", help="compare pictures of preview, applied lightmaps and render")
     ask.add_argument("--eevee", action="store_true", help="the views in EEVEE too; needs OpenGL")
+    ask.add_argument("--three", action="store_true", help="the views in three.js too; see three_view.mjs for what it needs")
     ask.add_argument("--lightkiln", type=Path, default=PROGRAM, help="the program [default: target/release/lightkiln]")
     ask.add_argument("--quality", default="good")
     ask.add_argument("--page-size", type=int, default=128)
@@ -202,6 +205,8 @@ def arguments():
 
 
 def main():
+    if bpy.app.version < (4, 1):
+        sys.exit(f"this needs Blender 4.1 or newer, not {bpy.app.version_string}")
     options = arguments()
     done = []
     with tempfile.TemporaryDirectory(prefix="roundtrip-") as temporary:

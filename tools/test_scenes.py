@@ -78,6 +78,17 @@ def lamp_radius(folder):
 
 
 @scene
+def lamp_soft_falloff(folder):
+    """Blender's own setting for lamps with a radius, which dims what is near."""
+    room()
+    lamp = kit.point_lamp("bulb", (0.5, 0.4, 2.4), 100)
+    lamp.data.shadow_soft_size, lamp.data.use_soft_falloff = 0.3, True
+    # Small beside its distance: lightkiln cuts the cone from the lamp's middle, Cycles from every point of it.
+    spot = kit.spot_lamp("spot", (-1.2, -1.0, 2.6), (-1.0, 0.8, 0.0), 60, math.radians(70), 0.5)
+    spot.data.shadow_soft_size, spot.data.use_soft_falloff = 0.1, True
+
+
+@scene
 def sun_angle(folder):
     room(open_top=True)
     kit.sun_lamp("sun", (0.3, 0.2, -1), 4.0, (1, 0.95, 0.85))

@@ -8,7 +8,7 @@ pub use links::{Entry, MaterialLink, Stated};
 pub(crate) use links::{store_named, store_of_intensity};
 
 use crate::error::{Error, Result};
-use crate::export::{ExrImage, decode_exr};
+use crate::export::{ExrImage, bilinear, decode_exr};
 use crate::import::{self, Document};
 use crate::options::{ImportOptions, Store};
 use crate::scene::{Role, Scene};
@@ -107,15 +107,7 @@ impl Page {
         if !uv.is_finite() || width == 0 || height == 0 {
             return Vec3::ZERO;
         }
-        let p = uv * Vec2::new(width as f32, height as f32) - 0.5;
-        let low = p.floor();
-        let f = p - low;
-        let column = |x: f32| x.clamp(0.0, width as f32 - 1.0) as usize;
-        let row = |y: f32| y.clamp(0.0, height as f32 - 1.0) as usize * width;
-        let (x, y) = ([column(low.x), column(low.x + 1.0)], [row(low.y), row(low.y + 1.0)]);
-        let top = image.value[y[0] + x[0]].lerp(image.value[y[0] + x[1]], f.x);
-        let bottom = image.value[y[1] + x[0]].lerp(image.value[y[1] + x[1]], f.x);
-        top.lerp(bottom, f.y)
+        bilinear(&image.value, image.size, uv * Vec2::new(width as f32, height as f32))
     }
 
     /// What turns a stored value into what a white diffuse surface would radiate, E/π; `None` when what is stored has

@@ -28,6 +28,8 @@ use std::path::PathBuf;
 const SEAM_P95: f64 = 0.05;
 /// An object with this many times more or fewer texels per metre than the median is told.
 const UNEVEN: f64 = 4.0;
+/// A chart of fewer texels than this has more gutter than light around it: 4 by 4 with 2 texels of gutter take 8 by 8.
+const FEW_TEXELS: usize = 16;
 /// Texture coordinates may leave the page by this share of it: they are 32 bit floats.
 const RANGE_SLACK: f32 = 1e-6;
 
@@ -179,6 +181,7 @@ pub fn check(baked: &Baked) -> Findings {
         problems.push(Problem::mild(Kind::Seams, at, what));
     }
     problems.extend(uneven(&rows));
+    problems.extend(sparse(&rows));
     problems.extend(turned(baked, &sides, &objects.into_values().collect::<Vec<_>>(), &rows, mean));
     problems.sort_by(|a, b| (!a.grave, a.kind, &a.at, &a.what).cmp(&(!b.grave, b.kind, &b.at, &b.what)));
     problems.dedup();
@@ -307,6 +310,33 @@ fn uneven(rows: &[ObjectReport]) -> Vec<Problem> {
             Problem::mild(Kind::Density, &row.name, what)
         })
         .collect()
+}
+
+/// Objects and pages that have too few texels to show their light.
+fn sparse(rows: &[ObjectReport]) -> Vec<Problem> {
+    let mut found: Vec<Problem> = rows
+        .iter()
+        .filter(|row| row.triangles > 0 && row.texels == 0)
+        .map(|row| {
+            let what = "no texel's middle lies on it, so it shows the light of what is around it: more texels per metre                         (--page-size, --max-pages, or lightkiln.density on the object) give it its own";
+            Problem::mild(Kind::Density, &row.name, what)
+        })
+        .collect();
+    let mut pages: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+    for row in rows {
+        let (texels, charts) = pages.entry(&row.page).or_default();
+        *texels += row.texels;
+        *charts += row.charts;
+    }
+    for (page, (texels, charts)) in pages {
+        if charts > 0 && texels < charts * FEW_TEXELS {
+            let what = format!(
+                "its {charts} charts share {texels} texels: gutters take the page, shadows have no room; bake with a                  larger --page-size or more pages"
+            );
+            found.push(Problem::mild(Kind::Density, page, what));
+        }
+    }
+    found
 }
 
 /// Objects whose normals look the wrong way.

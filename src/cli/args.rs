@@ -18,7 +18,7 @@ Examples:
   lightkiln bake room.glb -o out/lit.glb --quality high  choose the file and the effort
   lightkiln bake house.glb --sky 0.35,0.55,1.0           a blue sky around the scene
   lightkiln bake house.glb --sky noon.hdr,0.5            an image of a sky at half strength
-  lightkiln bake room.glb --preview lit.glb              also a file that stock Blender shows lit
+  lightkiln bake room.glb --preview lit.glb              also a file that Blender and any viewer show lit
   lightkiln plan room.glb                                which effects the scene calls for, seconds, memory
   lightkiln render room.baked.glb -o room.png            a picture of the result";
 
@@ -99,7 +99,7 @@ pub struct OutputArgs {
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
 
-    /// A second file that stock Blender shows lit
+    /// A second file that Blender and any viewer show lit
     #[arg(long, value_name = "FILE")]
     pub preview: Option<PathBuf>,
 

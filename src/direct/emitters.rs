@@ -124,6 +124,7 @@ impl AnyEmitter {
                 intensity: Intensity::grey(0.0),
                 range_m: None,
                 radius_m: 0.0,
+                soft_falloff: false,
                 cone,
             })
         };
@@ -198,8 +199,9 @@ pub fn collect(scene: &Scene, plan: &Plan) -> (EmitterList, Sky) {
 
 fn lamp_emitter(kind: &LampKind) -> AnyEmitter {
     match *kind {
-        LampKind::Point { position_world, intensity, range_m, radius_m, cone } => {
-            AnyEmitter::Point(PointEmitter { position_world, intensity, range_m, radius_m, cone })
+        LampKind::Point { position_world, intensity, range_m, radius_m, soft_falloff, cone } => {
+            let lamp = PointEmitter { position_world, intensity, range_m, radius_m, soft_falloff, cone };
+            AnyEmitter::Point(lamp)
         }
         LampKind::Sun { toward_world, irradiance, angle_rad } => {
             let sin_radius = (angle_rad / 2.0).clamp(0.0, 1.5).sin();

@@ -1,4 +1,4 @@
-//! Point and spot lamps: E = I cosθ/d².
+//! Point and spot lamps: E = I cosθ/d², or with Blender's Soft Falloff E = I cosθ/(d² + r²).
 
 use super::{Emitter, Receiver, ShadowRay};
 use crate::sampling::{disc, frame};
@@ -17,6 +17,8 @@ pub struct PointEmitter {
     pub range_m: Option<f32>,
     /// Radius of the sphere that makes its shadows soft.
     pub radius_m: f32,
+    /// Whether E = I cosθ/(d² + r²): the disc of that radius that faces the receiver, in closed form on its axis.
+    pub soft_falloff: bool,
     /// Spot cone.
     pub cone: Option<Cone>,
 }
@@ -66,8 +68,9 @@ impl Emitter for PointEmitter {
         let distance = distance_squared.sqrt();
         let direction = to_lamp / distance;
         let cosine = direction.dot(receiver.normal_shading).max(0.0);
+        let softening = if self.soft_falloff { self.radius_m * self.radius_m } else { 0.0 };
         Irradiance(self.intensity.0)
-            * (cosine / distance_squared * self.falloff(-direction) * self.window(distance))
+            * (cosine / (distance_squared + softening) * self.falloff(-direction) * self.window(distance))
     }
 
     fn shadow_ray(&self, receiver: &Receiver, [u, v]: [f32; 2]) -> Option<ShadowRay> {

@@ -7,11 +7,15 @@ use super::exr::{light_name, store_name};
 use super::gltf::{Edit, LIGHTMAP, Worn, extension, set_extension};
 use super::uri;
 use crate::options::{LightPart, Store};
+use crate::scene::Material;
+use glam::Vec3;
 use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 const TEXTURE_EXR: &str = "EXT_texture_exr";
 const SPECULAR: &str = "KHR_materials_specular";
+const STRENGTH: &str = "KHR_materials_emissive_strength";
 const LINEAR: u32 = 9729;
 const CLAMP_TO_EDGE: u32 = 33071;
 
@@ -29,14 +33,22 @@ impl PageFile {
     }
 }
 
+/// A page of radiance as the glTF holds it.
+pub(super) struct RadiancePng {
+    pub name: String,
+    pub png: Vec<u8>,
+    /// The radiance that its white stands for, by material of the file.
+    pub white: BTreeMap<Option<usize>, f32>,
+}
+
 /// What lit materials look like.
 pub(super) enum Carrier {
     /// The material as it was, with a lightmap in this texture of each page.
     Lightmap { textures: Vec<usize>, intensity: f64 },
     /// Lightmapped by extras alone: no viewer's law fits what is stored.
     ExtrasOnly,
-    /// Black, and shining with this texture of each page.
-    Radiance { textures: Vec<usize> },
+    /// Black, and shining with this texture of each page, as strongly as each material of the file needs there.
+    Radiance { pages: Vec<(usize, BTreeMap<Option<usize>, f32>)> },
 }
 
 /// What a viewer multiplies a texel with to get irradiance; `None` where nothing gives it.
@@ -97,26 +109,37 @@ impl Carrier {
         }
     }
 
-    /// Adds the pages as textures that name the EXR as their source, without a type: stock Blender and others then
-    /// open it by its content. Core glTF knows PNG and JPEG only, so this is for previews alone.
-    pub fn radiance(edit: &mut Edit, pages: &[PageFile]) -> Self {
+    /// Adds pages of radiance as textures.
+    pub fn radiance(edit: &mut Edit, pages: Vec<RadiancePng>) -> Self {
         let sampler = (!pages.is_empty()).then(|| push_sampler(edit));
-        let textures = pages
-            .iter()
-            .map(|page| {
-                let image = json!({"name": page.name(), "uri": uri::from_name(&page.file)});
+        let pages = pages
+            .into_iter()
+            .map(|RadiancePng { name, png, white }| {
+                let view = edit.view(&png, None, None);
+                let image = json!({"name": name, "bufferView": view, "mimeType": "image/png"});
                 let source = edit.push("images", image);
-                edit.push("textures", json!({"name": page.name(), "sampler": sampler, "source": source}))
+                let texture =
+                    edit.push("textures", json!({"name": name, "sampler": sampler, "source": source}));
+                (texture, white)
             })
             .collect::<Vec<_>>();
-        if !textures.is_empty() {
+        if !pages.is_empty() {
             edit.use_extension(SPECULAR);
         }
-        Self::Radiance { textures }
+        if pages.iter().any(|(_, white)| white.values().any(|white| *white > 1.0)) {
+            edit.use_extension(STRENGTH);
+        }
+        Self::Radiance { pages }
     }
 
-    /// The lit form of a material on a page; `None` when materials stay as they are.
-    pub fn lit(&self, original: &Map<String, Value>, page: u32, set: usize) -> Option<Map<String, Value>> {
+    /// The lit form of a material, the file's number `index`, on a page; `None` when materials stay as they are.
+    pub fn lit(
+        &self,
+        original: &Map<String, Value>,
+        index: Option<usize>,
+        page: u32,
+        set: usize,
+    ) -> Option<Map<String, Value>> {
         let page = page as usize;
         match self {
             Self::Lightmap { textures, intensity } => {
@@ -126,7 +149,12 @@ impl Carrier {
                 Some(material)
             }
             Self::ExtrasOnly => None,
-            Self::Radiance { textures } => Some(shining(original, *textures.get(page)?, set)),
+            Self::Radiance { pages } => {
+                let (texture, white) = pages.get(page)?;
+                let white = white.get(&index).copied().unwrap_or(1.0);
+                let texture = json!({"index": texture, "texCoord": set});
+                Some(shining(original, Some(texture), Vec3::splat(white)))
+            }
         }
     }
 
@@ -142,8 +170,8 @@ fn push_sampler(edit: &mut Edit) -> usize {
     edit.push("samplers", sampler)
 }
 
-/// A surface that reflects nothing and shines with a texture; what makes it transparent stays.
-fn shining(original: &Map<String, Value>, texture: usize, set: usize) -> Map<String, Value> {
+/// A surface that reflects nothing and shines with a texture times `radiance`; what makes it transparent stays.
+fn shining(original: &Map<String, Value>, texture: Option<Value>, radiance: Vec3) -> Map<String, Value> {
     let mut material = Map::new();
     for key in ["name", "doubleSided", "alphaMode", "alphaCutoff"] {
         if let Some(value) = original.get(key) {
@@ -157,10 +185,36 @@ fn shining(original: &Map<String, Value>, texture: usize, set: usize) -> Map<Str
         pbr["baseColorTexture"] = texture.clone();
     }
     material.insert("pbrMetallicRoughness".to_owned(), pbr);
-    material.insert("emissiveTexture".to_owned(), json!({"index": texture, "texCoord": set}));
-    material.insert("emissiveFactor".to_owned(), json!([1, 1, 1]));
+    if let Some(texture) = texture {
+        material.insert("emissiveTexture".to_owned(), texture);
+    }
+    // A factor ends at one; what is more goes into the strength.
+    let strength = radiance.max_element().max(1.0);
+    material.insert("emissiveFactor".to_owned(), json!((radiance / strength).to_array()));
+    if strength > 1.0 {
+        set_extension(&mut material, STRENGTH, json!({"emissiveStrength": strength}));
+    }
     set_extension(&mut material, SPECULAR, json!({"specularFactor": 0}));
     material
+}
+
+/// A surface without lightmap in light that is the same everywhere: `white` is E/π. One texture is all that a black
+/// material can shine with, so a glowing texture leaves no room for the surface's own colour.
+pub(super) fn evenly_lit(
+    original: &Map<String, Value>,
+    material: &Material,
+    white: Vec3,
+) -> Map<String, Value> {
+    if material.emission_texture.is_some() {
+        return shining(original, original.get("emissiveTexture").cloned(), material.emission.0);
+    }
+    let metallic = if material.metallic_texture.is_some() { 0.0 } else { material.metallic.clamp(0.0, 1.0) };
+    let reflected = material.base_color.truncate() * (1.0 - metallic) * white;
+    let texture = original.get("pbrMetallicRoughness").and_then(|pbr| pbr.get("baseColorTexture"));
+    match texture {
+        Some(texture) => shining(original, Some(texture.clone()), reflected),
+        None => shining(original, None, reflected + material.emission.0),
+    }
 }
 
 /// Names file, set, rectangle and unit in the extras of every lightmapped node.

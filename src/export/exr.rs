@@ -65,11 +65,6 @@ pub(super) fn unit(store: Store, photometric: bool) -> &'static str {
     }
 }
 
-/// The unit of a preview's radiance, in ASCII.
-pub(super) fn radiance_unit(photometric: bool) -> &'static str {
-    unit(Store::IrradianceOverPi, photometric)
-}
-
 /// The name of a stored quantity, as the command line spells it.
 pub(super) fn store_name(store: Store) -> &'static str {
     match store {

@@ -8,13 +8,16 @@ mod carrier;
 mod exr;
 mod files;
 mod gltf;
+mod lookup;
 mod picture;
 mod preview;
+mod radiance;
 mod target;
 mod uri;
 
 pub use exr::{ExrImage, HALF_MAX, decode_exr, read_exr};
 pub use files::TEMPORARY_PREFIX;
+pub(crate) use lookup::{bilinear, mean_over_triangle};
 pub use picture::{encode_png, picture_png, picture_rgb, write_png};
 
 use crate::atlas::Atlas;
@@ -80,15 +83,15 @@ pub fn write_all(files: Vec<(PathBuf, Vec<u8>)>) -> Result<Vec<PathBuf>> {
 
 /// Writes the baked glTF with its pages, and the preview if one is wanted.
 ///
-/// `lightmap` holds the exported pages in the stored unit. `radiance` holds the same pages as outgoing radiance
-/// ρE/π + L_e; only the preview needs it. Every file is complete under its name or absent: on an error, whatever was
+/// `lightmap` holds the exported pages in the stored unit. `white` holds the same pages with E/π of all light; only the
+/// preview needs it. Every file is complete under its name or absent: on an error, whatever was
 /// begun vanishes, and the input is never touched.
 pub fn write(
     document: &Document,
     scene: &Scene,
     atlas: &Atlas,
     lightmap: &Lightmap,
-    radiance: Option<&Lightmap>,
+    white: Option<&Lightmap>,
     metadata: &Metadata,
     options: &ExportOptions,
 ) -> Result<Written> {
@@ -100,18 +103,16 @@ pub fn write(
         Some(path) => Some(preview::target(&document.path, path, &target)?),
         None => None,
     };
-    for (target, kind) in
-        std::iter::once((&target, "lightmap")).chain(preview.iter().map(|p| (p, preview::KIND)))
-    {
-        let pages = (0..lightmap.pages.len()).map(|number| page_name(target, kind, number));
-        batch.reserve(pages.chain([buffer_name(target)]).map(|name| target.beside(&name)));
-        batch.reserve([target.path.clone()]);
+    let pages = (0..lightmap.pages.len()).map(|number| page_name(&target, number));
+    batch.reserve(pages.map(|name| target.beside(&name)));
+    for target in std::iter::once(&target).chain(&preview) {
+        batch.reserve([target.beside(&buffer_name(target)), target.path.clone()]);
     }
 
     let mut edit = Edit::new(document, target.form)?;
     target::bring_resources(&mut edit.json, document, &target, &mut batch, &mut warnings)?;
     let photometric = scene.lamp_units == LampUnits::Gltf;
-    let printer = PagePrinter { kind: "lightmap", target: &target, atlas, photometric, metadata, options };
+    let printer = PagePrinter { target: &target, atlas, photometric, metadata, options };
     let pages = printer.print(lightmap, options.embed, &mut batch, &mut warnings)?;
     let fallbacks = fallbacks(&pages, lightmap)?;
     let carrier = Carrier::lightmap(&mut edit, &pages.files, &fallbacks, pages.embedded(), options.store);
@@ -134,12 +135,12 @@ pub fn write(
 
     stage_gltf(edit, &target, &mut batch, &mut warnings)?;
     if let Some(preview) = preview {
-        let Some(radiance) = radiance else {
+        let Some(light) = white else {
             let at = preview.path.display().to_string();
-            return Err(Error::invalid(at, "a preview needs the outgoing radiance"));
+            return Err(Error::invalid(at, "a preview needs all light as E/π"));
         };
-        let job =
-            preview::Job { document, scene, atlas, radiance, photometric, metadata, options, baked_scene };
+        printer.check(light)?;
+        let job = preview::Job { document, scene, atlas, light, baked_scene };
         job.stage(&preview, &mut batch, &mut warnings)?;
     }
     let files = batch.commit()?;
@@ -173,7 +174,6 @@ impl Pages {
 
 /// Turns pages into EXRs.
 struct PagePrinter<'a> {
-    kind: &'a str,
     target: &'a Target,
     atlas: &'a Atlas,
     photometric: bool,
@@ -193,7 +193,7 @@ impl PagePrinter<'_> {
         self.check(lightmap)?;
         let mut pages = Pages { files: Vec::new(), bytes: embed.then(Vec::new) };
         for (number, page) in lightmap.pages.iter().enumerate() {
-            let file = page_name(self.target, self.kind, number);
+            let file = page_name(self.target, number);
             let header = self.header(number, lightmap.pages.len());
             let exr = exr::encode(&file, page.size_texels, &page.value, &header, self.options.full_float)?;
             warn_of_mended(&file, exr.mended, warnings);
@@ -223,13 +223,9 @@ impl PagePrinter<'_> {
         let Self { metadata, options, .. } = self;
         let text = |s: &str| Attribute::Text(s.to_owned());
         let whole = |n: usize| Attribute::Integer(i32::try_from(n).unwrap_or(i32::MAX));
-        let (store, unit) = match self.kind {
-            preview::KIND => ("radiance", exr::radiance_unit(self.photometric)),
-            _ => (exr::store_name(options.store), exr::unit(options.store, self.photometric)),
-        };
         let mut attributes: Vec<(String, Attribute)> = [
-            ("store", text(store)),
-            ("unit", text(unit)),
+            ("store", text(exr::store_name(options.store))),
+            ("unit", text(exr::unit(options.store, self.photometric))),
             ("light", text(exr::light_name(options.light))),
             ("version", text(&metadata.generator)),
             ("settings", text(&metadata.settings.to_string())),
@@ -264,8 +260,8 @@ fn warn_of_mended(file: &str, mended: Mended, warnings: &mut Vec<Warning>) {
     }
 }
 
-fn page_name(target: &Target, kind: &str, number: usize) -> String {
-    format!("{}.{kind}{number}.exr", target.stem)
+fn page_name(target: &Target, number: usize) -> String {
+    format!("{}.lightmap{number}.exr", target.stem)
 }
 
 /// The buffer beside a `.gltf`; the name differs from what other exporters choose, so that none is replaced.

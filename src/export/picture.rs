@@ -4,8 +4,10 @@ use super::exr::lawful;
 use super::files::Batch;
 use crate::error::{Error, Result};
 use crate::resolve::{Lightmap, LightmapPage};
+use glam::Vec3;
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
+use rayon::prelude::*;
 use std::path::Path;
 
 /// Half the width and height, linear values clipped at 1, eight bits: what readers see that know PNG only. They
@@ -85,11 +87,21 @@ fn white(lightmap: &Lightmap) -> f32 {
     if *peak > 0.0 { *peak } else { 1.0 }
 }
 
-/// IEC 61966-2-1.
 fn srgb(linear: f32) -> u8 {
+    (curve(linear) * 255.0).round() as u8
+}
+
+/// IEC 61966-2-1.
+fn curve(linear: f32) -> f32 {
     let x = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
-    let y = if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
-    (y * 255.0).round() as u8
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// A square page from 0 to 1 as sRGB with 16 bits.
+pub(super) fn deep_png(at: &str, size_texels: u32, value: &[Vec3]) -> Result<Vec<u8>> {
+    let deep = |linear: f32| (curve(linear) * 65535.0).round() as u16;
+    let rgb: Vec<[u16; 3]> = value.par_iter().map(|value| value.to_array().map(deep)).collect();
+    encode(at, bytemuck::cast_slice(&rgb), [size_texels; 2], ExtendedColorType::Rgb16)
 }
 
 /// Writes a picture, sRGB, three bytes a pixel, row by row from the top; whole or not at all.
@@ -105,20 +117,21 @@ pub fn write_png(path: &Path, size: [u32; 2], rgb: &[u8]) -> Result<()> {
 }
 
 fn png(at: &str, rgb: &[u8], width: usize, height: usize) -> Result<Vec<u8>> {
+    let side = |n: usize| u32::try_from(n).map_err(|_| Error::invalid(at, "too large for a PNG"));
+    encode(at, rgb, [side(width)?, side(height)?], ExtendedColorType::Rgb8)
+}
+
+fn encode(at: &str, bytes: &[u8], [width, height]: [u32; 2], kind: ExtendedColorType) -> Result<Vec<u8>> {
     let failed =
         |error: image::ImageError| Error::invalid(at, format!("the PNG could not be encoded: {error}"));
-    let side = |n: usize| u32::try_from(n).map_err(|_| Error::invalid(at, "too large for a PNG"));
     let mut out = Vec::new();
-    PngEncoder::new(&mut out)
-        .write_image(rgb, side(width)?, side(height)?, ExtendedColorType::Rgb8)
-        .map_err(failed)?;
+    PngEncoder::new(&mut out).write_image(bytes, width, height, kind).map_err(failed)?;
     Ok(out)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
 
     fn page(size: u32, value: Vec<Vec3>) -> LightmapPage {
         LightmapPage { size_texels: size, covered: vec![true; value.len()], value }

@@ -155,6 +155,7 @@ impl Placement<'_> {
                 intensity: Intensity(color * scale),
                 range_m: self.range(light.range)?,
                 radius_m: extras::bounded(&parts, "radius", MAX_RADIUS_M)?.unwrap_or(0.0),
+                soft_falloff: extras::flag(&parts, "soft_falloff")?.unwrap_or(false),
                 cone: if kind == Type::Spot { Some(self.cone(&light, direction.as_vec3())?) } else { None },
             },
         };

@@ -1,6 +1,7 @@
 //! What a point of a surface sends to the eye.
 
 use crate::baked::Baked;
+use crate::export::mean_over_triangle;
 use crate::scene::{Scene, SurfacePoint};
 use crate::transport::{Hit, Ray, Tracer};
 use glam::{Vec2, Vec3};
@@ -102,21 +103,29 @@ impl Look for Lit<'_> {
     }
 }
 
-/// The mean E/π of all lightmapped surfaces, weighted by area, from the middle of every triangle.
+/// The mean E/π of all lightmapped surfaces, weighted by area.
 pub(crate) fn mean_white_radiance(baked: &Baked) -> Vec3 {
     let scene = &baked.scene;
     let (mut sum, mut area) = (glam::DVec3::ZERO, 0.0_f64);
     for (index, surface) in scene.surfaces.iter().enumerate() {
         let Some(lightmap) = baked.lightmaps[index] else { continue };
         let page = &baked.pages[lightmap.page];
-        let Some(scale) = page.white_radiance_scale() else { continue };
-        for triangle in 0..scene.geometry(surface).triangles.len() as u32 {
-            let at = SurfacePoint { surface: index as u32, triangle, barycentric: Vec2::splat(1.0 / 3.0) };
-            let Some(uv) = scene.texcoord(at, lightmap.texcoord) else { continue };
+        let (Some(scale), Ok(image)) = (page.white_radiance_scale(), &page.image) else { continue };
+        let geometry = scene.geometry(surface);
+        let Some(uv) = geometry.texcoords.get(lightmap.texcoord) else { continue };
+        let size = image.size.map(|side| side as f32);
+        for triangle in 0..geometry.triangles.len() as u32 {
+            let corners = scene.corner_indices(surface, triangle).map(|i| uv[i] * Vec2::from(size));
             let [a, b, c] = scene.corners_world(surface, triangle).map(Vec3::as_dvec3);
             let weight = (b - a).cross(c - a).length() / 2.0;
-            let value = page.sample(uv);
-            if value.is_finite() && weight.is_finite() {
+            if !weight.is_finite()
+                || corners.iter().any(|corner| !corner.is_finite())
+                || image.value.is_empty()
+            {
+                continue;
+            }
+            let value = mean_over_triangle(&image.value, image.size, corners);
+            if value.is_finite() {
                 sum += value.as_dvec3() * (f64::from(scale) * weight);
                 area += weight;
             }

@@ -47,7 +47,7 @@ fn grow(canvas: &mut Canvas, known: &mut [bool]) {
 
 /// Push-pull (Gortler, Grzeszczuk, Szeliski and Cohen, The Lumigraph, 1996): means of known texels at half the size,
 /// recursively, are spread back over the unknown.
-fn push_pull(value: &mut [Vec3], known: &[bool], size: usize) {
+pub(crate) fn push_pull(value: &mut [Vec3], known: &[bool], size: usize) {
     if known.iter().all(|&k| k) || !known.iter().any(|&k| k) {
         return;
     }

@@ -7,6 +7,8 @@ mod stitch;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use dilate::push_pull;
+
 use crate::atlas::Atlas;
 use crate::elements::{Elements, NO_ELEMENT};
 use crate::options::Store;
@@ -33,16 +35,6 @@ pub struct LightmapPage {
 pub struct Lightmap {
     /// The pages.
     pub pages: Vec<LightmapPage>,
-}
-
-impl Lightmap {
-    /// The same with every value multiplied.
-    pub fn scaled(mut self, factor: f32) -> Self {
-        for page in &mut self.pages {
-            page.value.par_iter_mut().for_each(|value| *value *= factor);
-        }
-        self
-    }
 }
 
 /// Makes the exported pages from the irradiance of every element.

@@ -55,7 +55,6 @@ fn constant_light_is_constant_everywhere_in_the_stored_unit() {
     let e = Vec3::new(3.0, 1.5, 6.0);
     expect(&stored(Store::Irradiance), e);
     expect(&stored(Store::IrradianceOverPi), e / PI);
-    expect(&stored(Store::IrradianceOverPi).scaled(2.0), e * 2.0 / PI);
     expect(&stored(Store::Radiosity), e * Reflectance::MAX);
 }
 

@@ -179,6 +179,9 @@ pub enum LampKind {
         range_m: Option<f32>,
         /// Radius of the luminous sphere, metres; 0 is a point.
         radius_m: f32,
+        /// Blender's Soft Falloff: a disc of that radius that faces whatever it lights, E = I cosθ/(d² + r²), so that
+        /// nothing nearby burns out.
+        soft_falloff: bool,
         /// The cone, for spots.
         cone: Option<Cone>,
     },

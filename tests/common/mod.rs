@@ -94,6 +94,7 @@ impl Builder {
             intensity: Intensity::grey(watts_per_sr),
             range_m: None,
             radius_m: 0.0,
+            soft_falloff: false,
             cone: None,
         });
     }

@@ -92,7 +92,7 @@ fn an_error_leaves_nothing_behind_and_says_where() {
     assert!(matches!(write(&light, &to(&missing)), Err(Error::Io { .. })));
     // The preview fails after everything else is ready.
     let preview = ExportOptions { preview: Some(folder.path().join("p.glb")), ..ExportOptions::default() };
-    assert!(write(&light, &preview).unwrap_err().to_string().contains("radiance"));
+    assert!(write(&light, &preview).unwrap_err().to_string().contains("E/π"));
     let mut short = light.clone();
     short.pages.pop();
     assert!(matches!(write(&short, &ExportOptions::default()), Err(Error::Invalid { .. })));

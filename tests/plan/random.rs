@@ -96,7 +96,14 @@ fn cook(recipe: &Recipe) -> Builder {
     }
     for &(position_world, radius_m, range_m) in &recipe.lamps {
         let intensity = Intensity::grey(1.0);
-        b.lamp(LampKind::Point { position_world, intensity, range_m, radius_m, cone: None });
+        b.lamp(LampKind::Point {
+            position_world,
+            intensity,
+            range_m,
+            radius_m,
+            soft_falloff: false,
+            cone: None,
+        });
     }
     if let Some(angle) = recipe.sun {
         b.sun(Vec3::new(0.2, 1.0, 0.3), 1.0, angle);

@@ -40,12 +40,26 @@ fn spot(b: &mut Builder, position_world: Vec3, direction_world: Vec3, range_m: O
     let falloff = SpotFalloff::Blender;
     let cone = Cone { direction_world, inner_rad: 0.3, outer_rad: 0.4, falloff };
     let intensity = Intensity::grey(1.0);
-    b.lamp(LampKind::Point { position_world, intensity, range_m, radius_m: 0.0, cone: Some(cone) });
+    b.lamp(LampKind::Point {
+        position_world,
+        intensity,
+        range_m,
+        radius_m: 0.0,
+        soft_falloff: false,
+        cone: Some(cone),
+    });
 }
 
 fn soft(b: &mut Builder, position_world: Vec3) {
     let intensity = Intensity::grey(1.0);
-    b.lamp(LampKind::Point { position_world, intensity, range_m: None, radius_m: 0.1, cone: None });
+    b.lamp(LampKind::Point {
+        position_world,
+        intensity,
+        range_m: None,
+        radius_m: 0.1,
+        soft_falloff: false,
+        cone: None,
+    });
 }
 
 /// A texture of 2 × 2 texels, and coordinates for all objects so far.
@@ -111,7 +125,14 @@ fn lamps_out_of_reach() {
         let intensity = Intensity::grey(1.0);
         let position_world = Vec3::X * 4.0;
         let range_m = Some(range_m);
-        b.lamp(LampKind::Point { position_world, intensity, range_m, radius_m: 0.0, cone: None });
+        b.lamp(LampKind::Point {
+            position_world,
+            intensity,
+            range_m,
+            radius_m: 0.0,
+            soft_falloff: false,
+            cone: None,
+        });
     }
     twins(Effect::PointLamps, |b| ranged(b, 3.0), |b| ranged(b, 3.7));
     fn aimed(b: &mut Builder, direction_world: Vec3) {
@@ -268,7 +289,14 @@ fn grey_and_coloured() {
         room(b);
         let intensity = Intensity(Vec3::new(1.0, 0.9, 0.8));
         let position_world = Vec3::ZERO;
-        b.lamp(LampKind::Point { position_world, intensity, range_m: None, radius_m: 0.0, cone: None });
+        b.lamp(LampKind::Point {
+            position_world,
+            intensity,
+            range_m: None,
+            radius_m: 0.0,
+            soft_falloff: false,
+            cone: None,
+        });
     });
 }
 

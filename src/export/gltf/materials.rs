@@ -1,7 +1,9 @@
 //! Which material a lightmapped primitive wears: the file's own where every user of it shares one page, else a copy.
 
 use super::super::carrier::Carrier;
-use super::append::{Edit, items};
+use super::append::{Edit, index_at, items, remove_extension};
+use super::texcoord::VARIANTS;
+use crate::scene::Surface;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -32,9 +34,9 @@ impl<'c> Wardrobe<'c> {
         }
         let original = material.and_then(|index| items(&edit.document.json, "materials").get(index));
         let lit = match original.and_then(Value::as_object) {
-            Some(fields) => self.carrier.lit(fields, page, set)?,
+            Some(fields) => self.carrier.lit(fields, material, page, set)?,
             // A primitive without material: all of glTF's defaults, under a name.
-            None => self.carrier.lit(&Map::from_iter([("name".to_owned(), json!("default"))]), page, set)?,
+            None => self.carrier.lit(&default(), None, page, set)?,
         };
         let in_place = material.zip(original).filter(|(index, original)| {
             self.carrier.keeps(original)
@@ -59,6 +61,52 @@ impl<'c> Wardrobe<'c> {
         };
         self.made.insert((material, page, set), index);
         Some(index)
+    }
+}
+
+/// What primitives without material get: glTF's default under a name, but not metallic, as the bake takes it. A metal would
+/// not show its lightmap.
+fn default() -> Map<String, Value> {
+    let matte = json!({"metallicFactor": 0});
+    Map::from_iter([("name".to_owned(), json!("default")), ("pbrMetallicRoughness".to_owned(), matte)])
+}
+
+/// Gives surfaces other materials, made from the file's own; each material is made once.
+pub(in super::super) fn repaint<'s>(
+    edit: &mut Edit,
+    surfaces: impl Iterator<Item = &'s Surface>,
+    make: impl Fn(&Map<String, Value>, &Surface) -> Map<String, Value>,
+) {
+    let mut made = BTreeMap::new();
+    for surface in surfaces {
+        let origin = &surface.origin;
+        let primitive = |json: &Value, mesh: usize| {
+            items(json, "meshes").get(mesh)?.get("primitives")?.get(origin.primitive).cloned()
+        };
+        let Some(before) = primitive(&edit.document.json, origin.mesh) else { continue };
+        let mesh = items(&edit.json, "nodes").get(origin.node).and_then(|node| index_at(node, "mesh"));
+        let mesh = mesh.unwrap_or(origin.mesh);
+        if primitive(&edit.json, mesh).is_none() {
+            continue;
+        }
+        let old = index_at(&before, "material");
+        let new = *made.entry(old).or_insert_with(|| {
+            let original = old.and_then(|old| items(&edit.document.json, "materials").get(old)?.as_object());
+            let material = make(original.unwrap_or(&default()), surface);
+            edit.push("materials", Value::Object(material))
+        });
+        edit.json["meshes"][mesh]["primitives"][origin.primitive]["material"] = json!(new);
+    }
+}
+
+/// Takes away all other materials that primitives could wear.
+pub(in super::super) fn settle_variants(edit: &mut Edit) {
+    let meshes = edit.json.get_mut("meshes").and_then(Value::as_array_mut);
+    for mesh in meshes.into_iter().flatten() {
+        let primitives = mesh.get_mut("primitives").and_then(Value::as_array_mut);
+        for primitive in primitives.into_iter().flatten() {
+            remove_extension(primitive, VARIANTS);
+        }
     }
 }
 

@@ -11,5 +11,6 @@ mod vertices;
 
 pub(super) use append::{Edit, extension, set_extension};
 pub(super) use lamps::{scene_of, settle as settle_lamps};
+pub(super) use materials::{repaint, settle_variants};
 pub(super) use meshes::{Worn, dress};
 pub(super) use texcoord::LIGHTMAP;

@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// The extension that carries lightmaps.
 pub(in super::super) const LIGHTMAP: &str = "MOZ_lightmap";
-const VARIANTS: &str = "KHR_materials_variants";
+pub(super) const VARIANTS: &str = "KHR_materials_variants";
 
 /// The materials a primitive can wear: its own, and those of its variants.
 pub(super) fn materials_of(primitive: &Value) -> Vec<Option<usize>> {

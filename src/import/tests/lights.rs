@@ -61,14 +61,16 @@ fn lamps_stand_and_shine_as_their_nodes_do() {
     // A quarter turn about x lets −z look up; scale moves nothing.
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let node = json!({"translation": [1, 2, 3], "rotation": [half, 0, 0, half], "scale": [5, 5, 5],
-        "extras": {"radius": 0.25}});
+        "extras": {"radius": 0.25, "lightkiln": {"soft_falloff": true}}});
     let scene = lit(spot, node, "", &ImportOptions::default()).unwrap();
-    let LampKind::Point { position_world, intensity, range_m, radius_m, cone } = scene.lamps[0].kind else {
+    let LampKind::Point { position_world, intensity, range_m, radius_m, soft_falloff, cone } =
+        scene.lamps[0].kind
+    else {
         panic!("not a spot")
     };
     assert_eq!(scene.lamps[0].name, "Bulb");
     assert_eq!((position_world, intensity.0), (Vec3::new(1.0, 2.0, 3.0), Vec3::splat(10.0)));
-    assert_eq!((range_m, radius_m), (Some(4.0), 0.25));
+    assert_eq!((range_m, radius_m, soft_falloff), (Some(4.0), 0.25, true));
     let Cone { direction_world, inner_rad, outer_rad, falloff } = cone.unwrap();
     assert!((direction_world - Vec3::Y).length() < 1e-6, "{direction_world}");
     assert_eq!((inner_rad, outer_rad, falloff), (0.5, 0.5, SpotFalloff::Gltf));

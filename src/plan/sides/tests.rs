@@ -64,6 +64,7 @@ impl World {
             intensity: Intensity::grey(1.0),
             range_m: None,
             radius_m: 0.0,
+            soft_falloff: false,
             cone: None,
         };
         self.0.lamps.push(Lamp { name: "lamp".into(), kind });
