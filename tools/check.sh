@@ -2,6 +2,9 @@
 # Runs every check of the project: format, lints, tests, and a round trip of baked fixtures through Blender and the
 # Khronos validator. Installs what it needs into target/venv and tools/node_modules. Exit code 0: everything passed.
 #
+# usage: tools/check.sh [--long [MINUTES]]   --long goes on with tools/long_check.sh: fuzzing for MINUTES (default: 60), kills,
+#                                            valgrind, scenes of others
+#
 # Needs cargo, g++, npm and Python 3.11; the first run fetches Blender as a Python module (about 300 MB).
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -127,6 +130,10 @@ if ((${#pairs[@]})); then
 fi
 # Every kind of light that glTF drops, exported, baked, and baked again by Cycles.
 counted_check "light as in Cycles" target/venv/bin/python tools/roundtrip.py --own --cycles 512 --page-size 64
+
+if [[ ${1-} == --long ]]; then
+  check "long checks" tools/long_check.sh "${2:-60}"
+fi
 
 printf '\n%d passed, %d failed\n' "$passed" "$failed"
 ((failed == 0))

@@ -4,6 +4,8 @@ mod claims;
 mod command;
 mod mutate;
 mod outside;
+// The fuzz targets ask for single stages too.
+#[allow(dead_code)]
 mod sound;
 
 use lightkiln::options::ImportOptions;

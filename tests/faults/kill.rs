@@ -11,7 +11,7 @@ fn kills() -> u32 {
 }
 
 /// The files of a bake that refer to others: the pages come before them.
-const REFERRING: [(&str, &str); 2] = [("out.glb", "out.lightmap0.exr"), ("lit.glb", "lit.preview0.exr")];
+const REFERRING: [(&str, &str); 2] = [("out.glb", "out.lightmap0.exr"), ("lit.glb", "lit.radiance0.exr")];
 
 /// What a whole run leaves; how long it took.
 fn whole(place: &Place, more: &[&str]) -> (Files, Duration) {
