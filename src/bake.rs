@@ -30,6 +30,8 @@ pub struct Run<'a> {
     pub cancel: &'a AtomicBool,
     /// The most memory the bake may plan for, bytes.
     pub memory_limit_bytes: Option<u64>,
+    /// The memory that the machine has left, bytes, where the system tells: a bake that wants more is not begun.
+    pub memory_available_bytes: Option<u64>,
     /// Seconds since some start: the library has no clock of its own.
     pub clock: &'a (dyn Fn() -> f64 + Sync),
     /// Most memory the process has had resident so far, bytes, where the system tells.
@@ -45,6 +47,7 @@ impl Default for Run<'_> {
             observer: &Silent,
             cancel: &NEVER,
             memory_limit_bytes: None,
+            memory_available_bytes: None,
             clock: &|| 0.0,
             memory: &|| None,
         }
@@ -121,6 +124,7 @@ pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
         let mut log = Log::new(run);
         let (document, scene) = log.stage(Stage::Import, 1, |_| {
             let (document, scene) = import::load(input, &options.import)?;
+            export::check_names(&document, &options.export)?;
             Ok(((document, scene), 0))
         })?;
         let lit = light_into(&scene, options, &mut log)?;
@@ -217,8 +221,8 @@ fn light_into(scene: &Scene, options: &BakeOptions, log: &mut Log) -> Result<Lit
     let atlas = log.stage(Stage::Atlas, geometries, |progress| {
         Ok((atlas::unwrap(scene, &plan.sides, &options.atlas, progress)?, 0))
     })?;
-    let predicted_memory_bytes =
-        memory::check(scene, &atlas, options.light.solve.patches, log.run.memory_limit_bytes)?;
+    let (limit, left) = (log.run.memory_limit_bytes, log.run.memory_available_bytes);
+    let predicted_memory_bytes = memory::check(scene, &atlas, options.light.solve.patches, limit, left)?;
     let world = log.stage(Stage::Transport, 1, |_| Ok((World::new(scene), 0)))?;
     let blocking = if plan.work.tinted { Blocking::Tinted } else { world.blocking() };
     let tracer = AnyTracer::new(blocking, &world, scene);

@@ -70,17 +70,25 @@ fn emitting_share(scene: &Scene) -> f64 {
 }
 
 /// Refuses a bake that would want more than it may have; tells what it will want, bytes.
-pub fn check(scene: &Scene, atlas: &Atlas, patches: u32, limit_bytes: Option<u64>) -> Result<u64> {
+pub fn check(
+    scene: &Scene,
+    atlas: &Atlas,
+    patches: u32,
+    limit_bytes: Option<u64>,
+    available_bytes: Option<u64>,
+) -> Result<u64> {
     let wanted = predict(scene, atlas, patches);
-    match limit_bytes {
-        Some(limit) if wanted > limit => Err(Error::TooLarge {
-            at: "memory".into(),
-            what: format!(
-                "the bake wants about {} and may have {}; lower --density or --page-size, or raise --memory",
-                human(wanted),
-                human(limit)
-            ),
-        }),
+    let too_large = |has: String| {
+        let what = format!("the bake wants about {} and {has}", human(wanted));
+        Err(Error::TooLarge { at: "memory".into(), what })
+    };
+    match (limit_bytes, available_bytes) {
+        (Some(limit), _) if wanted > limit => {
+            too_large(format!("may have {}; lower --density or --page-size, or raise --memory", human(limit)))
+        }
+        (_, Some(left)) if wanted > left => {
+            too_large(format!("{} are left; lower --density, --page-size or --max-pages", human(left)))
+        }
         _ => Ok(wanted),
     }
 }

@@ -3,6 +3,9 @@
 # Khronos validator, and pages of studies through a browser. Installs what it needs into target/venv and tools/node_modules, and Debian's
 # chromium where there is none and it may. Exit code 0: everything passed.
 #
+# usage: tools/check.sh [--long [MINUTES]]   --long goes on with tools/long_check.sh: fuzzing for MINUTES (default: 60), kills,
+#                                            valgrind, scenes of others
+#
 # Needs cargo, g++, npm and Python 3.11; the first run fetches Blender as a Python module (about 300 MB).
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -147,6 +150,10 @@ fi
 counted_check "pages of studies" study_pages
 # Every kind of light that glTF drops, exported, baked, and baked again by Cycles.
 counted_check "light as in Cycles" target/venv/bin/python tools/roundtrip.py --own --cycles 128 --page-size 64
+
+if [[ ${1-} == --long ]]; then
+  check "long checks" tools/long_check.sh "${2:-60}"
+fi
 
 printf '\n%d passed, %d failed\n' "$passed" "$failed"
 ((failed == 0))

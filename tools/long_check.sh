@@ -1,48 +1,138 @@
 #!/usr/bin/env bash
-# The checks that take longer than tools/check.sh may: the round trip of .blend files that the project did not make, of the
-# fixtures against Cycles, and of the light that glTF drops in the next Blender too; pictures in EEVEE.
+# The checks that take longer than tools/check.sh may; `tools/check.sh --long` runs them after its own.
 #
-# usage: tools/long_check.sh [DIR]   keeps pictures and reports in DIR (default: target/long)
-# Needs what tools/check.sh needs, after it ran once; Debian's package assimp-testmodels, fetched with apt-get, for the
-# foreign scenes; and OpenGL (libegl1, libgl1-mesa-dri) for EEVEE. About 20 minutes on two cores.
+# usage: tools/long_check.sh [MINUTES [DIR]]   fuzzes for MINUTES in all (default: 60), keeps pictures, reports and crashes
+#                                              in DIR (default: target/long)
+#        tools/long_check.sh --only PART...    parts: fuzz kills memory blender
+# fuzz     every target of fuzz/ in turn, from the fixtures and, where they lie beside the project, scenes of others
+# kills    500 bakes killed instead of 50, 20,000 damaged files instead of 1,500
+# memory   valgrind's memcheck over what calls xatlas, which is C++, and over bakes of damaged files
+# blender  round trips of .blend files that the project did not make, of the fixtures against Cycles, and of the light that
+#          glTF drops in the next Blender too; pictures in EEVEE
+#
+# Installs cargo-fuzz into target/tools and, where apt-get is there, valgrind. Fuzzing needs a nightly toolchain
+# (`rustup toolchain install nightly`). The part `blender` needs what tools/check.sh needs, after it ran once; Debian's package
+# assimp-testmodels, fetched with apt-get, for the foreign scenes; and OpenGL (libegl1, libgl1-mesa-dri) for EEVEE; it takes
+# about 20 minutes on two cores.
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-out=${1:-target/long}
+minutes=60 out=target/long parts=(fuzz kills memory blender)
+if [[ ${1-} == --only ]]; then
+  shift
+  parts=("$@")
+else
+  minutes=${1:-$minutes} out=${2:-$out}
+fi
 mkdir -p "$out"
+out=$(realpath "$out")
 passed=0 failed=0
 
-run() { # NAME PYTHON ARGUMENTS...: one round trip, counted by its closing line
+count() { passed=$((passed + $1)) failed=$((failed + $2)); }
+
+check() { # NAME COMMAND ARGUMENTS...: counts as one
+  local name=$1
+  shift
+  printf '\n== %s\n' "$name"
+  if "$@"; then count 1 0; else
+    count 0 1
+    printf -- '-- %s: FAILED\n' "$name"
+  fi
+}
+
+fuzz() {
+  local fuzzer=target/tools/bin/cargo-fuzz target share
+  if ! cargo +nightly --version >/dev/null 2>&1; then
+    printf 'fuzzing needs a nightly toolchain: rustup toolchain install nightly\n' >&2
+    return 1
+  fi
+  [[ -x $fuzzer ]] || cargo install --quiet --locked --root target/tools cargo-fuzz || return
+  # Bakes with their pages in them are the seeds of what reads bakes.
+  cargo build --release --quiet || return
+  mkdir -p "$out/bakes"
+  for fixture in fixtures/{grey_lamp,blend_glass,emissive_texture,closed_furnace}.glb; do
+    target/release/lightkiln bake "$fixture" -o "$out/bakes/$(basename "$fixture")" --embed --quality draft -q \
+      --page-size 64 --max-pages 1 || return
+  done
+  python3 fuzz/seeds.py "$out/seeds" fixtures "$out/bakes" ../shared/scenes 2>/dev/null || return
+  local good=0
+  for share in import:10 plan:10 atlas:15 bake:45 baked:10 sky:10; do
+    target=${share%:*}
+    local seconds=$((minutes * 60 * ${share#*:} / 100)) kind=scenes
+    [[ $target == sky ]] && kind=pictures
+    mkdir -p "$out/corpus/$target" "$out/crashes"
+    printf -- '-- fuzz %s for %d s\n' "$target" "$seconds"
+    if PATH="$PWD/target/tools/bin:$PATH" cargo +nightly fuzz run -s none "$target" "$out/corpus/$target" "$out/seeds/$kind" -- \
+      -max_total_time="$seconds" -timeout=60 -rss_limit_mb=4096 -max_len=40000 -print_final_stats=1 \
+      -artifact_prefix="$out/crashes/$target-" 2>"$out/fuzz-$target.log"; then
+      good=$((good + 1))
+      grep -E 'stat::(number_of_executed_units|peak_rss)' "$out/fuzz-$target.log"
+      grep -o 'cov: [0-9]*' "$out/fuzz-$target.log" | tail -n 1
+    else
+      tail -n 30 "$out/fuzz-$target.log"
+    fi
+  done
+  ((good == 6))
+}
+
+kills() {
+  LIGHTKILN_KILLS=500 LIGHTKILN_FUZZ=100000 LIGHTKILN_DAMAGED=20000 \
+    cargo test --release --test faults --test bad_input --lib killed damage no_bytes
+}
+
+memory() {
+  command -v valgrind >/dev/null || { apt-get install -y -qq valgrind >/dev/null || return; }
+  local unit property
+  # Valgrind knows no AVX-512 and is slow: the tests that measure speed are left out.
+  unit=$(cargo test --release --no-run --lib 2>&1 | sed -n 's/.*(\(target.*\))$/\1/p')
+  property=$(cargo test --release --no-run --test bad_input 2>&1 | sed -n 's/.*(\(target.*\))$/\1/p')
+  local grind=(valgrind --quiet --error-exitcode=9 --leak-check=full --errors-for-leak-kinds=definite)
+  "${grind[@]}" "$unit" atlas:: --skip speed --test-threads 1 &&
+    LIGHTKILN_DAMAGED=60 "${grind[@]}" "$property" damaged --test-threads 1
+}
+
+round_trip() { # NAME PYTHON ARGUMENTS...: counted by its closing line
   local name=$1 python=$2 good bad
   shift 2
   printf '\n== %s\n' "$name"
   "$python" tools/roundtrip.py --keep "$out/$name" --report "$out/$name.json" "$@" 2>&1 | tee "$out/$name.log" |
     grep -v -E '^(Fra:|Saved|Time|Read blend|Warning: region)|INFO|Baking|^$'
   read -r good bad < <(sed -n 's/.*round trip: \([0-9]*\) passed, \([0-9]*\) failed.*/\1 \2/p' "$out/$name.log")
-  passed=$((passed + ${good:-0})) failed=$((failed + ${bad:-1}))
+  count "${good:-0}" "${bad:-1}"
 }
 
-blender4=target/venv/bin/python
-blender5=target/venv5/bin/python
-if ! "$blender5" -c 'import bpy' 2>/dev/null; then
-  "$blender4" -m venv --clear target/venv5
-  "$blender5" -m pip install --quiet --disable-pip-version-check 'bpy==5.0.*' 'numpy==1.26.*' 'OpenEXR==3.*'
-fi
+blender() {
+  local blender4=target/venv/bin/python blender5=target/venv5/bin/python
+  if ! "$blender5" -c 'import bpy' 2>/dev/null; then
+    "$blender4" -m venv --clear target/venv5
+    "$blender5" -m pip install --quiet --disable-pip-version-check 'bpy==5.0.*' 'numpy==1.26.*' 'OpenEXR==3.*'
+  fi
+  local models=$out/foreign-scenes/usr/share/assimp/models/BLEND name foreign=()
+  if [[ ! -d $models ]]; then
+    mkdir -p "$out/foreign-scenes"
+    (cd "$out/foreign-scenes" && apt-get download -qq assimp-testmodels && dpkg -x assimp-testmodels_*.deb .)
+  fi
+  for name in AreaLight_269 BlenderDefault_276 HUMAN TorusLightsCams_250_compressed 4Cubes4Mats_248; do
+    foreign+=("$models/$name.blend")
+  done
+  round_trip foreign "$blender4" --views --cycles 256 "${foreign[@]}"
+  round_trip fixtures "$blender4" --views --cycles 512 fixtures/{cornell,window_room,corridor,leaves}.glb
+  round_trip light-4 "$blender4" --own --views --cycles 1024 --page-size 96
+  round_trip light-5 "$blender5" --own --views --cycles 512 --page-size 96
+  round_trip eevee "$blender4" --views --eevee fixtures/{cornell,corridor}.glb
+}
 
-models=$out/foreign-scenes/usr/share/assimp/models/BLEND
-if [[ ! -d $models ]]; then
-  mkdir -p "$out/foreign-scenes"
-  (cd "$out/foreign-scenes" && apt-get download -qq assimp-testmodels && dpkg -x assimp-testmodels_*.deb .)
-fi
-foreign=()
-for name in AreaLight_269 BlenderDefault_276 HUMAN TorusLightsCams_250_compressed 4Cubes4Mats_248; do
-  foreign+=("$models/$name.blend")
+for part in "${parts[@]}"; do
+  case $part in
+    fuzz) check "fuzzing, $minutes min" fuzz ;;
+    kills) check "kills and damage" kills ;;
+    memory) check "valgrind" memory ;;
+    blender) blender ;;
+    *)
+      printf 'there is no part %s\n' "$part" >&2
+      exit 2
+      ;;
+  esac
 done
-
-run foreign "$blender4" --views --cycles 256 "${foreign[@]}"
-run fixtures "$blender4" --views --cycles 512 fixtures/{cornell,window_room,corridor,leaves}.glb
-run light-4 "$blender4" --own --views --cycles 1024 --page-size 96
-run light-5 "$blender5" --own --views --cycles 512 --page-size 96
-run eevee "$blender4" --views --eevee fixtures/{cornell,corridor}.glb
 
 printf '\n%d passed, %d failed\n' "$passed" "$failed"
 ((failed == 0))

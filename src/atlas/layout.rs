@@ -73,6 +73,8 @@ pub(super) struct Layout {
 const LARGEST_PAGE: u16 = 16384;
 /// Packs that the search for a density may take.
 const PACKS: usize = 9;
+/// A density this many times the one that fills all pages is as good as endless.
+const ABSURD: f64 = 1e6;
 /// The search ends when the density is known this well.
 const CLOSE: f64 = 1.01;
 impl Job<'_> {
@@ -102,6 +104,9 @@ impl Job<'_> {
         let mut warnings = Vec::new();
         job.grow_page(&mut warnings)?;
         let mut parts = self.parts.to_vec();
+        // Searched downwards from what no pages could hold, the density that fits would not be found.
+        let asked = density;
+        let density = asked.min(ABSURD * job.guess(pages));
         job.lower_large_nodes(density, &mut parts, &mut warnings);
         let job = Job { parts: &parts, ..job };
         // Far too much is seen from the areas alone.
@@ -109,9 +114,9 @@ impl Job<'_> {
         loop {
             let used = job.spread(density * low, pages, progress)?;
             if let Some(mut layout) = used {
-                if low < 1.0 && self.announced {
+                if layout.density < asked && self.announced {
                     let what = format!(
-                        "does not fit {pages} pages of {}² texels at {density} texels per metre; {:.4} were used. Allow \
+                        "does not fit {pages} pages of {}² texels at {asked} texels per metre; {:.4} were used. Allow \
                          more pages, larger pages, or lower the density",
                         job.page_size, layout.density
                     );

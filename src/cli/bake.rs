@@ -30,6 +30,7 @@ pub fn run(args: &BakeArgs) -> ExitCode {
             observer: &display,
             cancel: &cancel,
             memory_limit_bytes: job.memory_limit_bytes,
+            memory_available_bytes: memory::available_bytes(),
             clock: &|| display.seconds(),
             memory: &memory::peak_bytes,
         },

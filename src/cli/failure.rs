@@ -56,6 +56,7 @@ fn hint(error: &Error, input: &Path) -> Option<&'static str> {
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
             Some("free some space, or choose another place with -o")
         }
+        ErrorKind::FileTooLarge => Some("the system limits the size of files here (ulimit -f): raise it"),
         ErrorKind::IsADirectory => Some("name a file, not a folder"),
         ErrorKind::NotADirectory => Some("a part of the path is a file, not a folder"),
         _ => None,

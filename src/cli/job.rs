@@ -2,12 +2,16 @@
 
 use super::args::BakeArgs;
 use super::progress::Verbosity;
+use super::values::has_extension;
+use lightkiln::export;
 use lightkiln::options::{BakeOptions, ExportOptions, Solver};
 use lightkiln::report::Report;
 use lightkiln::{Error, Result};
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+
+/// What files of a scene are called; a report is none of them.
+const ASSETS: [&str; 10] = ["glb", "gltf", "bin", "png", "jpg", "jpeg", "webp", "exr", "hdr", "blend"];
 
 /// A bake that was asked for.
 pub struct Job {
@@ -106,7 +110,11 @@ impl Job {
                 "the report cannot have the same name as another file, {report}"
             )));
         }
-        writable(report).map_err(|e| Refusal::Error(Error::io(report, e)))
+        if has_extension(report, &ASSETS) {
+            let report = report.display();
+            return Err(Refusal::Misuse(format!("a report is JSON and should be named so, not {report}")));
+        }
+        export::check_place(report).map_err(Refusal::Error)
     }
 
     /// Writes the report where it was asked for.
@@ -119,10 +127,11 @@ impl Job {
         let mut json = serde_json::to_vec_pretty(report).map_err(|e| Error::io(name, e.into()))?;
         json.push(b'\n');
         match to {
-            ReportTo::Stdout => io::Write::write_all(&mut io::stdout().lock(), &json),
-            ReportTo::File(path) => replace(path, &json),
+            ReportTo::Stdout => {
+                io::Write::write_all(&mut io::stdout().lock(), &json).map_err(|e| Error::io(name, e))
+            }
+            ReportTo::File(path) => export::write_all(vec![(path.clone(), json)]).map(drop),
         }
-        .map_err(|e| Error::io(name, e))
     }
 }
 
@@ -137,27 +146,6 @@ fn folder(path: &Path) -> &Path {
         Some(parent) if parent != Path::new("") => parent,
         _ => Path::new("."),
     }
-}
-
-/// Tries whether the file could be written, without touching it.
-fn writable(path: &Path) -> io::Result<()> {
-    if path.is_dir() {
-        return Err(io::ErrorKind::IsADirectory.into());
-    }
-    let probe = temporary(path);
-    fs::File::create_new(&probe).and_then(|_| fs::remove_file(&probe))
-}
-
-/// Writes beside the file and renames, so that there is never half a file.
-fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let beside = temporary(path);
-    fs::write(&beside, bytes).and_then(|()| fs::rename(&beside, path)).inspect_err(|_| {
-        let _ = fs::remove_file(&beside);
-    })
-}
-
-fn temporary(path: &Path) -> PathBuf {
-    folder(path).join(format!(".lightkiln-report-{}.tmp", std::process::id()))
 }
 
 #[cfg(test)]
@@ -220,6 +208,8 @@ mod tests {
         assert!(misused(&["--report", "./room.glb"]));
         assert!(misused(&["-o", "out.glb", "--report", "./out.glb"]));
         assert!(!misused(&["--report", "room.json"]));
+        // A scene is made of such files, and which it names is not known yet.
+        assert!(misused(&["--report", "room.bin"]) && misused(&["--report", "wood.PNG"]));
     }
 
     #[test]

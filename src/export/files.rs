@@ -1,14 +1,18 @@
 //! All files of a bake, or none: each is written under a temporary name in its own folder, then all are renamed.
+//!
+//! What is guaranteed, whenever the process or the machine stops: the input is as it was; a file that stands under its
+//! name is whole, the new one or the one that stood there before; and a glTF, which is renamed last, is never new beside
+//! pages that are not. A bake over an older one that is killed between two renames can leave new pages beside the older
+//! glTF: no system renames several files at once. Temporary files that are left vanish with the next bake into the folder
+//! (`temporary.rs`).
 
+use super::temporary;
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
-
-/// What every temporary name begins with, so that leftovers of a killed run can be told.
-pub const TEMPORARY_PREFIX: &str = ".lightkiln-";
 
 /// Files under temporary names; dropped, they vanish.
 pub(super) struct Batch {
@@ -19,13 +23,21 @@ pub(super) struct Batch {
     reserved: BTreeSet<PathBuf>,
     /// Staged copies, with what they are copies of.
     copies: BTreeMap<PathBuf, PathBuf>,
+    /// Folders without leftovers of killed runs.
+    swept: BTreeSet<PathBuf>,
 }
 
 impl Batch {
     /// Nothing staged yet; `protected` files are never replaced.
     pub fn new(protected: impl IntoIterator<Item = PathBuf>) -> Self {
         let protected = protected.into_iter().filter_map(|path| path.canonicalize().ok()).collect();
-        Self { staged: Vec::new(), protected, reserved: BTreeSet::new(), copies: BTreeMap::new() }
+        Self {
+            staged: Vec::new(),
+            protected,
+            reserved: BTreeSet::new(),
+            copies: BTreeMap::new(),
+            swept: BTreeSet::new(),
+        }
     }
 
     /// Keeps names for files that will be added later.
@@ -57,7 +69,10 @@ impl Batch {
         self.refuse_input(path)?;
         let folder = folder_of(path);
         let told = |error| Error::io(path, error);
-        let mut file = temporary_in(folder).map_err(told)?;
+        if self.swept.insert(folder.to_owned()) {
+            temporary::sweep(folder);
+        }
+        let mut file = temporary::file_in(folder).map_err(told)?;
         for part in parts {
             file.write_all(part).map_err(told)?;
         }
@@ -82,7 +97,8 @@ impl Batch {
         Ok(written)
     }
 
-    fn refuse_input(&self, path: &Path) -> Result<()> {
+    /// Fails where `path` is a file of the input, or one of this batch.
+    pub fn refuse_input(&self, path: &Path) -> Result<()> {
         let target = path.canonicalize();
         if target.is_ok_and(|target| self.protected.contains(&target)) {
             return Err(Error::invalid(
@@ -100,9 +116,10 @@ impl Batch {
     }
 }
 
-/// Fails where no file can be made in the folder; leaves nothing behind.
+/// Fails where no file can be made in the folder; leaves nothing behind, of killed runs neither.
 pub(super) fn check_folder(folder: &Path) -> Result<()> {
-    temporary_in(folder).map(drop).map_err(|error| Error::io(folder, error))
+    temporary::sweep(folder);
+    temporary::file_in(folder).map(drop).map_err(|error| Error::io(folder, error))
 }
 
 /// The folder a file is in; `.` for a bare name.
@@ -111,15 +128,6 @@ pub(super) fn folder_of(path: &Path) -> &Path {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     }
-}
-
-fn temporary_in(folder: &Path) -> std::io::Result<NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(TEMPORARY_PREFIX).suffix(".tmp");
-    // Temporary files are private by default; these become ordinary files, and the umask still applies.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
 }
 
 #[cfg(test)]

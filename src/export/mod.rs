@@ -13,12 +13,13 @@ mod picture;
 mod preview;
 mod radiance;
 mod target;
+mod temporary;
 mod uri;
 
 pub use exr::{ExrImage, HALF_MAX, decode_exr, read_exr};
-pub use files::TEMPORARY_PREFIX;
 pub(crate) use lookup::{bilinear, mean_over_triangle};
 pub use picture::{encode_png, picture_png, picture_rgb, write_png};
+pub use temporary::TEMPORARY_PREFIX;
 
 use crate::atlas::Atlas;
 use crate::error::{Error, Result, Warning};
@@ -70,6 +71,22 @@ pub fn output_path(input: &Path, options: &ExportOptions) -> Result<PathBuf> {
         target::check_picture(path)?;
     }
     Ok(target.path)
+}
+
+/// Fails where no file of this name can be written; leaves nothing behind, of killed runs neither.
+pub fn check_place(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::invalid(path.display().to_string(), "this is a folder, not a file"));
+    }
+    files::check_folder(files::folder_of(path))
+}
+
+/// Fails where a file that `options` name is one that the input is made of: those are never changed.
+pub fn check_names(document: &Document, options: &ExportOptions) -> Result<()> {
+    let batch = Batch::new(target::input_files(document));
+    let target = Target::new(&document.path, options.output.as_deref())?;
+    let named = [Some(&target.path), options.preview.as_ref(), options.picture.as_ref()];
+    named.into_iter().flatten().try_for_each(|path| batch.refuse_input(path))
 }
 
 /// Writes files that are not a bake's, all or none; returns their names.

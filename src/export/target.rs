@@ -6,6 +6,8 @@ use crate::error::{Error, Result, Warning};
 use crate::import::Document;
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// How the output is wrapped.
@@ -69,10 +71,7 @@ impl Target {
 
     /// Fails where nothing can be written, before hours are spent on what should be.
     pub fn check(&self) -> Result<()> {
-        if self.path.is_dir() {
-            return Err(Error::invalid(self.path.display().to_string(), "this is a folder, not a file"));
-        }
-        check_folder(self.folder())
+        super::check_place(&self.path)
     }
 }
 
@@ -108,6 +107,12 @@ pub(super) fn bring_resources(
     batch: &mut Batch,
     warnings: &mut Vec<Warning>,
 ) -> Result<()> {
+    let changed = changed_buffers(document);
+    for buffer in &changed {
+        let what =
+            "it was changed or removed while the bake ran; the light is that of what was read: bake again";
+        warnings.push(Warning::new(buffer.0.display().to_string(), what));
+    }
     let (from, to) = (folder_of(&document.path), target.folder());
     if same_file(from, to) {
         return Ok(());
@@ -115,7 +120,9 @@ pub(super) fn bring_resources(
     let mut copies: BTreeMap<PathBuf, (PathBuf, Vec<u8>)> = BTreeMap::new();
     let mut failed = None;
     each_uri(json, &mut |uri| {
-        let Some(source) = find(from, uri) else {
+        let gone =
+            || changed.iter().map(|(path, _)| *path).find(|path| **path == from.join(uri::to_path(uri)));
+        let Some(source) = find(from, uri).or_else(|| gone().cloned()) else {
             let what = "this file is missing; the reference to it was kept as it is";
             warnings.push(Warning::new(uri, what));
             return None;
@@ -125,7 +132,9 @@ pub(super) fn bring_resources(
         if same_file(&copy, &source) || copies.contains_key(&copy) || batch.copies(&copy, &source) {
             return None;
         }
-        let bytes = match std::fs::read(&source) {
+        let read = || std::fs::read(&source);
+        let as_read = changed.iter().find(|(path, _)| same_file(path, &source));
+        let bytes = match as_read.map_or_else(read, |(_, bytes)| Ok(bytes.to_vec())) {
             Ok(bytes) => bytes,
             Err(error) => {
                 failed.get_or_insert(Error::io(source, error));
@@ -159,6 +168,25 @@ pub(super) fn bring_resources(
         return Err(error);
     }
     copies.into_iter().try_for_each(|(path, (source, bytes))| batch.add_copy(&path, source, &bytes))
+}
+
+/// Buffers whose files no longer begin with what was read of them: path, and what was read.
+fn changed_buffers(document: &Document) -> Vec<(&PathBuf, &[u8])> {
+    let files = document.buffers.iter().filter_map(|buffer| Some((buffer.path.as_ref()?, &buffer.bytes[..])));
+    files.filter(|(path, bytes)| !begins_with(path, bytes).unwrap_or(false)).collect()
+}
+
+/// Whether a file begins with `bytes`.
+fn begins_with(path: &Path, bytes: &[u8]) -> std::io::Result<bool> {
+    let (mut file, mut block) = (File::open(path)?, vec![0; 1 << 16]);
+    for expected in bytes.chunks(1 << 16) {
+        let found = &mut block[..expected.len()];
+        file.read_exact(found)?;
+        if found != expected {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Calls `edit` with every reference to a file, in buffers, images and extensions alike; what it returns replaces the

@@ -1,6 +1,7 @@
 //! Accessors: typed windows on buffers, checked before anything is read (glTF 2.0 section 3.6.2).
 
 use super::buffers::View;
+use super::claims;
 use super::document::{Document, RawAccessor};
 use super::json::{ACCESSORS, Part};
 use crate::error::{Error, Result};
@@ -81,14 +82,15 @@ impl Document {
         Ok(RawAccessor { component_type, kind: kind.to_owned(), normalized, count, element_bytes, bytes })
     }
 
-    /// Bytes of an accessor that nothing backs: all zero by the rules, so a short file could claim any number of them.
-    /// Real ones are the deltas of morph targets, never more than the mesh they change.
+    /// Bytes of an accessor that nothing backs.
     fn affordable(&self, count: usize, element_bytes: usize, part: &Part) -> Result<usize> {
-        const FREE_BYTES: usize = 16 << 20;
-        const PER_FILE_BYTE: usize = 64;
-        let limit = self.total_bytes().saturating_mul(PER_FILE_BYTE).saturating_add(FREE_BYTES);
         match count.checked_mul(element_bytes) {
-            Some(bytes) if bytes <= limit && count <= super::MAX_VERTICES => Ok(bytes),
+            Some(bytes)
+                if claims::ZERO_BYTES.holds(bytes as u64, self.total_bytes())
+                    && count <= super::MAX_VERTICES =>
+            {
+                Ok(bytes)
+            }
             _ => {
                 let what = format!(
                     "it claims {count} elements of zeros without data behind them, far more than the file holds: \

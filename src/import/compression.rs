@@ -1,6 +1,7 @@
 //! Undoes EXT_meshopt_compression and KHR_draco_mesh_compression. The only file that names `draco_gltf`.
 
 use super::accessor::layout_of;
+use super::claims;
 use super::document::RawAccessor;
 use super::json::Part;
 use crate::error::{Error, Result};
@@ -93,10 +94,11 @@ pub(super) fn draco(
         ("attributes", JsonValue::object(ids.iter().cloned())),
     ]);
     let extension = DracoPrimitiveExtension::from_json(&json).map_err(|error| broken(error.to_string()))?;
+    let most = claims::DRACO_POINTS.most(source.len()).min(super::MAX_VERTICES as u64);
     let mut contract = DracoPrimitiveContract::new().with_limits(
         DecodeLimits::default()
-            .with_max_points(super::MAX_VERTICES as u64)
-            .with_max_faces(super::MAX_VERTICES as u64)
+            .with_max_points(most)
+            .with_max_faces(2 * most)
             .with_max_decoded_bytes(MAX_DECODED_BYTES as u64),
     );
     for (name, _) in &ids {

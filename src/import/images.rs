@@ -1,6 +1,7 @@
 //! Textures: images decoded once each, whatever number of materials use them. The only file of this stage that decodes
 //! pictures of surfaces.
 
+use super::claims;
 use super::document::Document;
 use super::json::{IMAGES, Part, SAMPLERS, TEXTURES};
 use super::uri::{self, Target};
@@ -118,12 +119,13 @@ impl<'a> Wanted<'a> {
         images.sort_unstable();
         images.dedup();
         let mut encoded = Vec::with_capacity(images.len());
-        let mut texels = 0_u64;
+        let (mut texels, mut held) = (0_u64, 0_usize);
         for &image in &images {
             let part = Part::item(&self.document.json, IMAGES, image)?;
             let read = read_bytes(self.document, &part, options)?.and_then(|bytes| {
                 let [w, h] = size_of(&bytes)?;
                 texels += u64::from(w) * u64::from(h);
+                held += bytes.len();
                 Ok(bytes)
             });
             encoded.push(read);
@@ -133,6 +135,14 @@ impl<'a> Wanted<'a> {
                 "its pictures have {} million texels together, more than the {} million that are read: shrink some",
                 texels >> 20,
                 MAX_TEXELS >> 20
+            );
+            return Err(Error::TooLarge { what, at: self.document.path.display().to_string() });
+        }
+        if !claims::TEXELS.holds(texels, held) {
+            let what = format!(
+                "its pictures claim {} million texels, far more than their {held} bytes can hold: they are broken, or \
+                 plain colours that should be smaller",
+                texels >> 20
             );
             return Err(Error::TooLarge { what, at: self.document.path.display().to_string() });
         }

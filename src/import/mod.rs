@@ -7,6 +7,7 @@ mod accessor;
 mod area_lamps;
 mod buffers;
 mod cameras;
+mod claims;
 mod compression;
 mod container;
 mod document;

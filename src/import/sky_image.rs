@@ -1,5 +1,6 @@
 //! Pictures of the sky: Radiance HDR and OpenEXR, equirectangular.
 
+use super::claims;
 use crate::error::{Error, Result, Warning};
 use crate::scene::SkyImage;
 use exr::meta::MetaData;
@@ -12,6 +13,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// The most pixels of a sky: 16384 × 8192.
 const MAX_PIXELS: usize = 1 << 27;
+/// Bytes of a pixel in memory.
+const PIXEL_BYTES: usize = 12;
 /// The most bytes a pixel of an EXR may have in all its channels together: decoders take memory for whole blocks.
 const MAX_PIXEL_BYTES: usize = 256;
 
@@ -80,9 +83,20 @@ fn clean(pixels: &mut [Vec3], strength: f32, at: &str, warnings: &mut Vec<Warnin
 
 type Decoded = std::result::Result<([u32; 2], Vec<Vec3>), String>;
 
-fn check_size(width: usize, height: usize) -> std::result::Result<[u32; 2], String> {
+fn check_size(
+    [width, height]: [usize; 2],
+    pixel_bytes: usize,
+    bytes: &[u8],
+) -> std::result::Result<[u32; 2], String> {
     match width.checked_mul(height) {
-        Some(1..=MAX_PIXELS) => Ok([width as u32, height as u32]),
+        Some(pixels @ 1..=MAX_PIXELS)
+            if claims::SKY_PIXELS.holds((pixels * pixel_bytes.div_ceil(PIXEL_BYTES)) as u64, bytes.len()) =>
+        {
+            Ok([width as u32, height as u32])
+        }
+        Some(1..=MAX_PIXELS) => {
+            Err(format!("claims {width} × {height} pixels, far more than its {} bytes can hold", bytes.len()))
+        }
         _ => Err(format!("is {width} × {height} pixels; at most {MAX_PIXELS} are read")),
     }
 }
@@ -91,7 +105,7 @@ fn read_hdr(bytes: &[u8]) -> Decoded {
     let broken = |error: image::ImageError| format!("cannot be decoded ({error})");
     let decoder = HdrDecoder::new(Cursor::new(bytes)).map_err(broken)?;
     let (width, height) = decoder.dimensions();
-    let size = check_size(width as usize, height as usize)?;
+    let size = check_size([width as usize, height as usize], PIXEL_BYTES, bytes)?;
     let pixels = DynamicImage::from_decoder(decoder).map_err(broken)?.into_rgb32f();
     Ok((size, pixels.pixels().map(|pixel| Vec3::from_array(pixel.0)).collect()))
 }
@@ -101,7 +115,8 @@ fn read_exr(bytes: &[u8]) -> Decoded {
     // The header first: the decoder believes its sizes and takes memory for them.
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(broken)?;
     for header in &meta.headers {
-        check_size(header.layer_size.width(), header.layer_size.height())?;
+        let size = [header.layer_size.width(), header.layer_size.height()];
+        check_size(size, header.channels.bytes_per_pixel, bytes)?;
         if header.channels.bytes_per_pixel > MAX_PIXEL_BYTES {
             return Err(format!(
                 "has {} bytes a pixel; at most {MAX_PIXEL_BYTES} are read",
@@ -125,5 +140,5 @@ fn read_exr(bytes: &[u8]) -> Decoded {
         .from_buffered(Cursor::new(bytes))
         .map_err(broken)?;
     let (size, pixels) = image.layer_data.channel_data.pixels;
-    Ok((check_size(size.width(), size.height())?, pixels))
+    Ok((check_size([size.width(), size.height()], PIXEL_BYTES, bytes)?, pixels))
 }

@@ -1,5 +1,6 @@
 //! Places geometries in the world: one surface per node, primitive and instance.
 
+use super::claims;
 use super::document::Document;
 use super::geometry::{self, Built};
 use super::json::{ACCESSORS, MATERIALS, MESHES, NODES, Part, items};
@@ -16,7 +17,9 @@ use std::collections::HashMap;
 /// Coordinates beyond this are refused: their fourth powers, which areas and distances multiply to, would overflow.
 const FARTHEST_M: f64 = 1e9;
 /// The most bytes of attributes and morph targets that all primitives may have together.
-const MAX_CLAIMED_BYTES: usize = 8 << 30;
+const MAX_CLAIMED_BYTES: u64 = 8 << 30;
+/// Bytes that a node is worth in what it may claim: a node with a mesh and a place is at least as long in JSON.
+const NODE_BYTES: usize = 48;
 /// The scene gets an origin of its own when it stands further from the file's than this many times its size.
 const FAR_IN_SIZES: f64 = 64.0;
 
@@ -92,6 +95,7 @@ fn collect(document: &Document, hierarchy: &Hierarchy, warnings: &mut Vec<Warnin
     let mut known: HashMap<(usize, usize), Option<usize>> = HashMap::new();
     let (mut uses, mut geometries) = (Vec::new(), 0);
     let (mut vertices, mut bytes) = (0_usize, 0_usize);
+    let most_bytes = claims::ATTRIBUTE_BYTES.most(document.total_bytes()).min(MAX_CLAIMED_BYTES);
     for node in (0..hierarchy.world_from_node.len()).filter(|&n| hierarchy.world_from_node[n].is_some()) {
         let part = Part::item(json, NODES, node)?;
         let Some(mesh_part) = part.follow(json, "mesh", MESHES)? else { continue };
@@ -111,9 +115,13 @@ fn collect(document: &Document, hierarchy: &Hierarchy, warnings: &mut Vec<Warnin
                     if vertices > super::MAX_VERTICES {
                         return Err(too_many(&mesh_part, vertices));
                     }
-                    if bytes > MAX_CLAIMED_BYTES {
-                        let what =
-                            "the meshes up to this one claim more than 8 GiB: split the scene".to_owned();
+                    if bytes as u64 > most_bytes {
+                        let what = format!(
+                            "the meshes up to this one claim {} MiB, more than the {} MiB that this file may: split \
+                             the scene",
+                            bytes >> 20,
+                            most_bytes >> 20
+                        );
                         return Err(Error::TooLarge { what, at: mesh_part.at() });
                     }
                     known.insert((mesh, primitive), geometry);
@@ -168,6 +176,7 @@ fn plan(
     let material_count = items(json, MATERIALS)?.len();
     let mut plans: Vec<Plan> = Vec::new();
     let mut vertices = 0_usize;
+    let held = document.total_bytes() + NODE_BYTES * items(json, NODES)?.len();
     for used in uses {
         let node = Part::item(json, NODES, used.node)?;
         let mesh = Part::item(json, MESHES, used.mesh)?;
@@ -191,6 +200,12 @@ fn plan(
         vertices = vertices.saturating_add(placed.max(1).saturating_mul(copies));
         if vertices > super::MAX_VERTICES {
             return Err(too_many(&node, vertices));
+        }
+        if !claims::VERTICES.holds(vertices as u64, held) {
+            let what = format!(
+                "{vertices} vertices are placed up to here, far more than this file holds: it has too many instances"
+            );
+            return Err(Error::TooLarge { what, at: node.at() });
         }
         let origin = |instance| Origin {
             name: node.label(),

@@ -1,0 +1,104 @@
+//! SIGKILL at any moment.
+
+use super::{Files, Place, is_temporary};
+use std::path::Path;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+/// How often a bake is killed: 50 times, or `LIGHTKILN_KILLS`.
+fn kills() -> u32 {
+    std::env::var("LIGHTKILN_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(50)
+}
+
+/// The files of a bake that refer to others: the pages come before them.
+const REFERRING: [(&str, &str); 2] = [("out.glb", "out.lightmap0.exr"), ("lit.glb", "lit.radiance0.exr")];
+
+/// What a whole run leaves; how long it took.
+fn whole(place: &Place, more: &[&str]) -> (Files, Duration) {
+    let begin = Instant::now();
+    let output = place.bake_to(Path::new("")).args(more).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    (place.files(), begin.elapsed())
+}
+
+#[test]
+fn killed_at_any_moment_it_leaves_whole_files_or_none() {
+    let (new, took) = whole(&Place::new(), &[]);
+    let (old, _) = whole(&Place::new(), &["--density", "5"]);
+    for (glb, exr) in REFERRING {
+        assert!(new[glb] != old[glb] && new[exr] != old[exr], "{glb}, {exr}");
+    }
+    let place = Place::new();
+    let mut left_something = 0;
+    for kill in 0..kills() {
+        // Half of the runs replace the files of another bake.
+        let before = if kill % 2 == 0 { place_only_input(&place) } else { place_all(&place, &old) };
+        let mut child =
+            place.bake_to(Path::new("")).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        // A third dies while it writes, which is quick and would hardly be met by chance; the others anywhere.
+        let share = f64::from(kill.wrapping_mul(2_654_435_769)) / f64::from(u32::MAX);
+        if kill % 3 == 0 {
+            let begin = Instant::now();
+            while child.try_wait().unwrap().is_none()
+                && begin.elapsed() < Duration::from_secs(60)
+                && !place.files_are_being_written(&before)
+            {
+                std::thread::yield_now();
+            }
+            std::thread::sleep(Duration::from_micros((share * 20_000.0) as u64));
+        } else {
+            std::thread::sleep(took.mul_f64(share));
+        }
+        child.kill().unwrap();
+        child.wait().unwrap();
+        let left = place.files();
+        left_something += usize::from(left.keys().any(|name| is_temporary(name)));
+        examine(&before, &left, &new, kill);
+    }
+    assert!(left_something > 0, "no kill came while files were written: the test is too tame");
+    // The next run cleans up, and is as if nothing had happened.
+    assert_eq!(whole(&place, &[]).0, new);
+}
+
+/// Nothing but the input and what earlier kills left.
+fn place_only_input(place: &Place) -> Files {
+    for name in place.files().into_keys().filter(|name| name != "cornell.glb" && !is_temporary(name)) {
+        std::fs::remove_file(place.path(&name)).unwrap();
+    }
+    place.files()
+}
+
+fn place_all(place: &Place, files: &Files) -> Files {
+    for (name, bytes) in files {
+        std::fs::write(place.path(name), bytes).unwrap();
+    }
+    place.files()
+}
+
+impl Place {
+    /// Whether a temporary file is there that was not there before, one with something in it.
+    fn files_are_being_written(&self, before: &Files) -> bool {
+        let entries = std::fs::read_dir(self.folder.path()).unwrap().flatten();
+        let mut names = entries.filter(|entry| entry.metadata().is_ok_and(|data| data.len() > 0));
+        names.any(|entry| {
+            let name = entry.file_name().into_string().unwrap();
+            is_temporary(&name) && !before.contains_key(&name)
+        })
+    }
+}
+
+fn examine(before: &Files, left: &Files, new: &Files, kill: u32) {
+    assert!(left["cornell.glb"] == before["cornell.glb"], "kill {kill} changed the input");
+    for (name, bytes) in left.iter().filter(|(name, _)| !is_temporary(name)) {
+        let known = before.get(name) == Some(bytes) || new.get(name) == Some(bytes);
+        assert!(known, "after kill {kill}, {name} is neither what was there nor what is to be");
+    }
+    for name in before.keys().filter(|name| !is_temporary(name)) {
+        assert!(left.contains_key(name), "kill {kill} lost {name}");
+    }
+    for (glb, exr) in REFERRING {
+        if left.get(glb) == new.get(glb) {
+            assert!(left.get(exr) == new.get(exr), "after kill {kill}, {glb} is new and {exr} is not");
+        }
+    }
+}
