@@ -1,12 +1,15 @@
-//! Area lamps from custom properties, through the whole line, against the closed form of a parallel rectangle.
+//! Lamps that have a size, through the whole line: area lamps from custom properties against the closed form of a
+//! parallel rectangle, Blender's soft falloff against that of a disc.
 
 mod common;
 
-use common::{Builder, at, close};
+use common::{Builder, at, close, of_surface};
 use glam::Vec3;
 use lightkiln::bake::{self, Run};
 use lightkiln::import;
 use lightkiln::options::{BakeOptions, ImportOptions, LampUnits, Quality};
+use lightkiln::scene::LampKind;
+use lightkiln::units::Intensity;
 use serde_json::{Value, json};
 use std::f32::consts::PI;
 use std::path::Path;
@@ -91,5 +94,25 @@ fn it_is_the_same_as_an_emissive_rectangle() {
         let place = Vec3::new(x, 0.0, z);
         // Two atlases: the nearest texels differ by up to 2 cm of 1.5 m.
         close(at(&lamp, 0, place).mean(), at(&surface, 0, place).mean(), 0.03, "surface and lamp");
+    }
+}
+
+#[test]
+fn soft_falloff_is_that_of_a_disc_which_faces_the_receiver() {
+    // A disc of radius r and uniform radiance that faces a point at distance d gives it πL r²/(d² + r²) head on, and
+    // I = πr²L; tilting the receiver scales that by cosθ as long as the whole disc stands above it.
+    let mut b = Builder::new();
+    let black = b.material(0.0, 0.0);
+    let floor = b.quad(Vec3::new(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, black);
+    let (position_world, radius_m) = (Vec3::new(0.2, 0.8, -0.1), 0.5_f32);
+    let intensity = Intensity::grey(5.0);
+    let soft_falloff = true;
+    b.lamp(LampKind::Point { position_world, intensity, range_m: None, radius_m, soft_falloff, cone: None });
+    let lit = b.light(Quality::Draft, 64);
+    for e in of_surface(&lit, floor) {
+        let to = position_world - lit.elements.position_world[e];
+        let expected = 5.0 * to.normalize().y / (to.length_squared() + radius_m * radius_m);
+        // f32 rounding of positions and of the formula: 32 ulp.
+        close(lit.irradiance(e).mean(), expected, 4e-6, "I cosθ/(d² + r²)");
     }
 }

@@ -11,12 +11,12 @@ use lightkiln::scene::Scene;
 use std::f32::consts::PI;
 use std::path::Path;
 
-fn fixture(name: &str, quality: Quality, threads: Option<usize>) -> (Scene, Lit) {
+fn fixture(name: &str, quality: Quality) -> (Scene, Lit) {
     let mut options = options(quality, 256);
     options.atlas.max_pages = 1;
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name);
     let (_, scene) = import::load(&path, &options.import).expect("the fixture can be read");
-    let lit = bake::light(&scene, &options, &Run { threads, ..Run::default() }).expect("it can be lit");
+    let lit = bake::light(&scene, &options, &Run::default()).expect("it can be lit");
     (scene, lit)
 }
 
@@ -39,7 +39,7 @@ fn elements(lit: &Lit, test: impl Fn(Vec3, Vec3) -> bool) -> Vec<usize> {
 
 #[test]
 fn the_furnace_is_one_everywhere() {
-    let (_, lit) = fixture("closed_furnace.glb", Quality::Good, None);
+    let (_, lit) = fixture("closed_furnace.glb", Quality::Good);
     for e in elements(&lit, |_, _| true) {
         // Emission is exact; the reflected half comes by 256 rays that meet coarse values, which in a furnace are all
         // alike up to the solver's 1e-4 and the closed forms' visibility at contacts, 64 rays in the penumbra.
@@ -51,14 +51,14 @@ fn the_furnace_is_one_everywhere() {
 
 #[test]
 fn the_grey_room_has_the_mean_that_its_power_and_reflectance_give() {
-    let (_, lit) = fixture("grey_lamp.glb", Quality::Good, None);
+    let (_, lit) = fixture("grey_lamp.glb", Quality::Good);
     // The mean does not depend on form factors at all; 64 rays a row and the patches' size leave a few tenths.
     assert!((mean(&lit) as f32 / PI - 1.0).abs() < 0.005, "{}", mean(&lit) as f32 / PI);
 }
 
 #[test]
 fn no_lamp_shines_into_the_sealed_room() {
-    let (_, lit) = fixture("double_sided.glb", Quality::Draft, None);
+    let (_, lit) = fixture("double_sided.glb", Quality::Draft);
     let inside = elements(&lit, |p, n| p.x < 1.99 || p.x < 2.01 && n.x < -0.5);
     assert!(!inside.is_empty());
     for e in inside {
@@ -68,7 +68,7 @@ fn no_lamp_shines_into_the_sealed_room() {
 
 #[test]
 fn a_tinted_pane_lets_its_share_through() {
-    let (_, lit) = fixture("blend_glass.glb", Quality::Good, None);
+    let (_, lit) = fixture("blend_glass.glb", Quality::Good);
     let floor = elements(&lit, |p, n| n.y > 0.9 && p.y.abs() < 0.01);
     // 0.6 of the light passes the pane, tinted.
     for (x, passes) in [(-1.0, Vec3::ONE), (1.0, Vec3::new(0.2, 0.7, 0.9) * 0.6)] {
@@ -83,7 +83,7 @@ fn a_tinted_pane_lets_its_share_through() {
 
 #[test]
 fn the_grey_hall_has_the_mean_that_its_power_and_reflectance_give() {
-    let (_, lit) = fixture("grey_hall.glb", Quality::Good, None);
+    let (_, lit) = fixture("grey_hall.glb", Quality::Good);
     let expected = 720.0 / (352.0 * 0.5) / PI;
     // As in the grey room.
     let found = mean(&lit) as f32 / PI;
@@ -102,7 +102,7 @@ fn from_lamps(lamps: &[(Vec3, Vec3)], point: Vec3) -> Vec3 {
 
 #[test]
 fn a_block_that_nothing_shades_has_its_lamps_light_and_no_more() {
-    let (_, lit) = fixture("lone_pedestal.glb", Quality::Good, None);
+    let (_, lit) = fixture("lone_pedestal.glb", Quality::Good);
     let top = elements(&lit, |p, n| n.y > 0.9 && p.y > 1.79);
     let near = nearest(&lit, &top, Vec3::Y * 1.8);
     let lamp = |i: usize| {
@@ -122,7 +122,7 @@ fn a_block_that_nothing_shades_has_its_lamps_light_and_no_more() {
 
 #[test]
 fn nothing_gets_into_a_sealed_hall() {
-    let (_, lit) = fixture("sealed_hall.glb", Quality::Good, None);
+    let (_, lit) = fixture("sealed_hall.glb", Quality::Good);
     let floor = elements(&lit, |p, n| n.y > 0.9 && p.y.abs() < 0.01);
     let near = nearest(&lit, &floor, Vec3::new(2.4, 0.0, -3.4));
     let watts = Vec3::new(1.0, 0.85, 0.6) * 80.0;
@@ -133,17 +133,4 @@ fn nothing_gets_into_a_sealed_hall() {
     let there = from_lamps(&lamps, Vec3::new(2.4, 0.0, -3.4));
     let table = Vec3::new(0.28983, 0.24635, 0.17390);
     assert!((there - table).abs().max_element() < 1e-5, "{there}: what the fixtures' table says");
-}
-
-#[test]
-fn any_number_of_threads_gives_the_same_light() {
-    for name in ["window_room.glb", "corridor.glb", "leaves.glb"] {
-        let (_, one) = fixture(name, Quality::Draft, Some(1));
-        for threads in [2, 7] {
-            let (_, more) = fixture(name, Quality::Draft, Some(threads));
-            assert_eq!(one.elements, more.elements, "{name}");
-            assert_eq!(one.direct, more.direct, "{name}");
-            assert_eq!(one.indirect, more.indirect, "{name}");
-        }
-    }
 }

@@ -13,7 +13,7 @@ const TEXELS_PER_UNIT: f32 = 0.25;
 pub(super) fn charts<F: Fn() -> bool + Sync>(piece: &Piece, go_on: &F) -> Result<Vec<FlatChart>, NoCharts> {
     let position: &[[f32; 3]] = bytemuck::cast_slice(&piece.position);
     let index: &[u32] = bytemuck::cast_slice(&piece.triangles);
-    let area: f32 = piece.triangles.iter().map(|t| area(piece, t)).sum();
+    let area = piece.triangles.iter().map(|t| f64::from(area(piece, t))).sum::<f64>() as f32;
     let options = Options {
         max_chart_area: area * TRIANGLES_PER_CHART / piece.triangles.len().max(1) as f32,
         density: Density::Fixed { texels_per_unit: TEXELS_PER_UNIT, page_size: None },

@@ -11,6 +11,7 @@ use clap::{Args, Subcommand};
 use lightkiln::bake::{Run, in_pool};
 use lightkiln::options::{BakeOptions, Quality};
 use lightkiln::study::effects::{Subject, effects};
+use lightkiln::study::stability::stability;
 use lightkiln::study::{Study, write};
 use lightkiln::text::printable;
 use lightkiln::{Error, Result, import};
@@ -24,6 +25,7 @@ Examples:
   lightkiln study accuracy room.glb --out study       what accuracy costs, with plots
   lightkiln study effects room.glb                    what leaving effects out saves in this scene
   lightkiln study effects fixtures/*.glb --out study  the same of many, as CSV and as a page with plots
+  lightkiln study stability --out study               hard cases and their exact answers; needs no scene
 
 Exit codes: 0 everything held, 1 something did not, or could not be studied, 2 wrong usage.";
 
@@ -43,6 +45,8 @@ pub enum StudyCommand {
     Effects(EffectsArgs),
     /// What accuracy costs: error against time for every setting, judged by a converged reference
     Accuracy(accuracy::AccuracyArgs),
+    /// Hard cases beside their exact answers, through every solver and form factor; needs no scene
+    Stability(StabilityArgs),
 }
 
 /// The arguments of `study effects`, as typed.
@@ -73,6 +77,14 @@ pub struct EffectsArgs {
     pub how: HowArgs,
 }
 
+/// The arguments of `study stability`, as typed.
+#[derive(Debug, Args)]
+pub struct StabilityArgs {
+    /// How it is done.
+    #[command(flatten)]
+    pub how: HowArgs,
+}
+
 /// How a study is done.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Run")]
@@ -92,6 +104,10 @@ pub fn run(args: &StudyArgs) -> ExitCode {
         StudyCommand::Accuracy(args) => accuracy::run(args),
         StudyCommand::Effects(args) if args.measure.is_some() => cost::tell(args),
         StudyCommand::Effects(args) => finish(study_effects(args), &args.how, args.inputs.first()),
+        StudyCommand::Stability(args) => {
+            let study = timed(&args.how, |_| stability(&|group| failure::say(group)));
+            finish(study, &args.how, None)
+        }
     }
 }
 
@@ -142,7 +158,7 @@ fn finish(study: Result<Study>, how: &HowArgs, input: Option<&PathBuf>) -> ExitC
 
 fn show(study: &Study, out: Option<&Path>) -> Result<()> {
     let width = terminal_width();
-    let tables: Vec<String> = study.sheets.iter().map(|sheet| sheet.screen(width)).collect();
+    let tables: Vec<String> = study.on_screen().iter().map(|sheet| sheet.screen(width)).collect();
     let to_stdout = |error| Error::io("standard output", error);
     std::io::stdout().lock().write_all(tables.join("\n").as_bytes()).map_err(to_stdout)?;
     if let Some(folder) = out {

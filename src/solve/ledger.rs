@@ -19,6 +19,9 @@ pub struct Ledger {
 }
 
 impl Ledger {
+    /// Share of the emitted power to which the balance closes after every step of every solver.
+    pub const CLOSES_TO: f64 = 1e-5;
+
     /// What is missing to the balance, as a share of the emitted power, in the worst channel. Rounding only.
     pub fn imbalance(&self) -> f64 {
         let missing = self.emitted - self.absorbed - self.escaped - self.unshot;

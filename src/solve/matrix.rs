@@ -98,6 +98,13 @@ pub fn solve<R: RowSource>(
         let residual = residual(problem, &radiosity, &received);
         let power =
             weighted_sum(problem.area(), &residual.iter().map(|r| r.map(f64::abs)).collect::<Vec<_>>());
+        debug_assert!(
+            power.is_finite()
+                && ledger(problem, &matrix, &radiosity, &received, &residual).imbalance()
+                    <= Ledger::CLOSES_TO,
+            "after sweep {sweeps}: {:?}",
+            ledger(problem, &matrix, &radiosity, &received, &residual)
+        );
         let done = (0..3).all(|c| power[c] <= options.tolerance * emitted[c]);
         progress.unshot(share(power.element_sum(), emitted.element_sum()));
         if done || sweeps >= options.max_sweeps || progress.cancelled() {
@@ -154,6 +161,26 @@ fn relax<R: RowSource>(problem: &Problem<R>, matrix: &Matrix, radiosity: &mut [R
     }
 }
 
+/// Where the energy of an approximation is.
+fn ledger<R: RowSource>(
+    problem: &Problem<R>,
+    matrix: &Matrix,
+    radiosity: &[Rgb],
+    received: &[Rgb],
+    residual: &[Rgb],
+) -> Ledger {
+    let area = problem.area();
+    let Sums { arrived, promised } = matrix.sums(area);
+    let mut ledger =
+        Ledger { emitted: problem.emitted(), unshot: weighted_sum(area, residual), ..Ledger::default() };
+    for i in 0..area.len() {
+        ledger.absorbed += (1.0 - problem.reflectance()[i]) * received[i] * area[i];
+        ledger.escaped += radiosity[i] * (area[i] - arrived[i]);
+        ledger.sampling += radiosity[i] * (promised[i] - arrived[i]);
+    }
+    ledger
+}
+
 fn finished<R: RowSource>(
     problem: &Problem<R>,
     matrix: &Matrix,
@@ -163,33 +190,19 @@ fn finished<R: RowSource>(
     sweeps: u64,
 ) -> Solution {
     let area = problem.area();
-    let mut arrived = vec![0.0; area.len()];
-    let mut promised = vec![0.0; area.len()];
-    for i in 0..area.len() {
-        for (j, weight) in matrix.row(i) {
-            arrived[j] += area[i] * weight;
-            promised[i] += area[i] * weight;
-        }
-    }
-    let mut ledger =
-        Ledger { emitted: problem.emitted(), unshot: weighted_sum(area, &residual), ..Ledger::default() };
-    for i in 0..area.len() {
-        ledger.absorbed += (1.0 - problem.reflectance()[i]) * received[i] * area[i];
-        ledger.escaped += radiosity[i] * (area[i] - arrived[i]);
-        ledger.sampling += radiosity[i] * (promised[i] - arrived[i]);
-    }
     let unshot_power = weighted_sum_abs(area, &residual).element_sum();
     let emitted = problem.emitted().element_sum();
-    let sums = promised.iter().zip(area).map(|(promised, area)| promised / area);
+    let sums = matrix.sums(area).promised;
+    let sums = sums.iter().zip(area).map(|(promised, area)| promised / area);
     let gather = |left: &[Rgb]| matrix.times(left);
     Solution {
         error_bound: bound::remaining_power(area, problem.reflectance(), sums, &residual, gather),
+        ledger: ledger(problem, matrix, &radiosity, &received, &residual),
         // B = s + ρE, with the last residual, as the progressive solver has it.
         radiosity: radiosity.iter().zip(&residual).map(|(&b, &r)| b + r).collect(),
         received,
         unshot_power,
         unshot_fraction: share(unshot_power, emitted),
-        ledger,
         shots: 0,
         sweeps,
     }
@@ -203,7 +216,24 @@ struct Matrix {
     diagonal: Vec<f64>,
 }
 
+/// What a unit of radiosity of each patch brings to all others, and what its own row says it does, m².
+struct Sums {
+    arrived: Vec<f64>,
+    promised: Vec<f64>,
+}
+
 impl Matrix {
+    fn sums(&self, area: &[f64]) -> Sums {
+        let mut sums = Sums { arrived: vec![0.0; area.len()], promised: vec![0.0; area.len()] };
+        for (i, own) in area.iter().enumerate() {
+            for (j, weight) in self.row(i) {
+                sums.arrived[j] += own * weight;
+                sums.promised[i] += own * weight;
+            }
+        }
+        sums
+    }
+
     fn collect(rows: &impl RowSource) -> Self {
         const CHUNK: usize = 64;
         let parts: Vec<(Vec<usize>, Vec<u32>, Vec<f64>)> = (0..rows.len().div_ceil(CHUNK))

@@ -161,7 +161,14 @@ impl<'p, T: Transfer> Progressive<'p, T> {
         if let Some(shooter) = shooter {
             self.shoot(shooter as usize);
         }
+        debug_assert!(self.is_lawful(), "after shot {} of {shooter:?}: {:?}", self.shots, self.ledger());
         self.report(shooter)
+    }
+
+    /// Whether all numbers are finite and no energy is made or lost: what must hold after every step.
+    pub(super) fn is_lawful(&self) -> bool {
+        let finite = self.received.iter().chain(&self.unshot).all(|value| value.is_finite());
+        finite && self.ledger().imbalance() <= Ledger::CLOSES_TO
     }
 
     /// Gives overshooting up where it does not help.

@@ -51,6 +51,7 @@ impl<T: Transfer + Sync> Progressive<'_, T> {
         if self.unshot_power.element_sum() > WORTHWHILE * before {
             self.overshoot = false;
         }
+        debug_assert!(self.is_lawful(), "after sweep {}: {:?}", self.sweeps, self.ledger());
         self.report(None)
     }
 }

@@ -8,6 +8,7 @@ pub mod effects;
 mod figure;
 mod page;
 mod sheet;
+pub mod stability;
 
 pub use figure::{Axis, Figure, Look, Picture, Series};
 pub use sheet::{Cell, Mark, Row, Sheet};
@@ -15,6 +16,9 @@ pub use sheet::{Cell, Mark, Row, Sheet};
 use crate::error::{Error, Result};
 use crate::export;
 use std::path::{Path, PathBuf};
+
+/// Rows of a table that is shown whole in a terminal.
+const MOST_ON_SCREEN: usize = 1000;
 
 /// What a study found.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
@@ -37,6 +41,22 @@ impl Study {
     /// Whether no row of any table failed.
     pub fn passes(&self) -> bool {
         self.sheets.iter().flat_map(|sheet| &sheet.rows).all(|row| row.mark != Mark::Failed)
+    }
+
+    /// The tables that people read in a terminal: of those that go on for pages, the rows that failed.
+    pub fn on_screen(&self) -> Vec<Sheet> {
+        let shown = |sheet: &Sheet| {
+            if sheet.rows.len() <= MOST_ON_SCREEN {
+                return Some(sheet.clone());
+            }
+            let failed = Sheet {
+                title: format!("{}: what failed", sheet.title),
+                rows: sheet.rows.iter().filter(|row| row.mark == Mark::Failed).cloned().collect(),
+                ..sheet.clone()
+            };
+            (!failed.rows.is_empty()).then_some(failed)
+        };
+        self.sheets.iter().filter_map(shown).collect()
     }
 
     /// One page with everything, which works offline.

@@ -8,7 +8,7 @@ fn the_ledger_closes_at_every_step() {
     let sampled = {
         let world = cube(4, 2.0);
         let problem = colourful(4, 0.9);
-        let rows = Method::Rays(64).rows(&world);
+        let rows = Method::Rays(64).rows(&world).unwrap();
         Problem::new(world.area(), problem.reflectance().to_vec(), problem.source().to_vec(), rows).unwrap()
     };
     for problem in [colourful(4, 0.9), sampled] {
@@ -63,7 +63,7 @@ fn overshooting_pays() {
         let mut source = vec![grey(0.0); count];
         source[..5].fill(grey(1.0));
         let problem = problem.relit(vec![grey(rho); count], source).unwrap();
-        let exact = Way::Matrix(Relaxation::GaussSeidel).solve(&problem).radiosity;
+        let exact = Way::Matrix(Relaxation::GaussSeidel).solve(&problem).unwrap().radiosity;
         let total: DVec3 = distance(&problem, &exact, &vec![DVec3::ZERO; count]);
         let missing = |mut solver: Progressive<_>, shots: usize| {
             for _ in 0..shots {
@@ -90,7 +90,7 @@ fn overshooting_pays() {
 #[test]
 fn the_display_estimate_is_nearer_than_the_bare_solution() {
     let problem = colourful(6, 0.9);
-    let exact = Way::Matrix(Relaxation::GaussSeidel).solve(&problem).radiosity;
+    let exact = Way::Matrix(Relaxation::GaussSeidel).solve(&problem).unwrap().radiosity;
     let mut solver = Progressive::new(&problem).without_overshooting();
     for _ in 0..problem.len() / 2 {
         solver.step();
@@ -104,7 +104,7 @@ fn the_display_estimate_is_nearer_than_the_bare_solution() {
 #[test]
 fn the_error_bound_holds() {
     let problem = colourful(4, 0.95);
-    let exact = Way::Matrix(Relaxation::GaussSeidel).solve(&problem).radiosity;
+    let exact = Way::Matrix(Relaxation::GaussSeidel).solve(&problem).unwrap().radiosity;
     let check = |solution: &Solution, slack: f64, what: &str| {
         let error = distance(&problem, &solution.radiosity, &exact);
         let rounding = 1e-9 * solution.ledger.emitted;
@@ -132,7 +132,7 @@ fn the_error_bound_holds() {
     }
     let source = problem.source().to_vec();
     let furnace = problem.clone().relit(vec![grey(0.9); problem.len()], source).unwrap();
-    let exact = Way::Matrix(Relaxation::GaussSeidel).solve(&furnace).radiosity;
+    let exact = Way::Matrix(Relaxation::GaussSeidel).solve(&furnace).unwrap().radiosity;
     let solution = Progressive::new(&furnace).solution();
     let error = distance(&furnace, &solution.radiosity, &exact);
     assert_close(solution.error_bound, error, 1e-5, "furnace");
@@ -149,8 +149,13 @@ fn kept_and_remade_rows_agree_and_threads_change_nothing() {
     let with_threads = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
-            let kept = Problem::new(world.area(), rho.clone(), source.clone(), Method::Rays(64).rows(&world))
-                .unwrap();
+            let kept = Problem::new(
+                world.area(),
+                rho.clone(),
+                source.clone(),
+                Method::Rays(64).rows(&world).unwrap(),
+            )
+            .unwrap();
             let remade =
                 Problem::new(world.area(), rho.clone(), source.clone(), Method::Rays(64).source(&world))
                     .unwrap();
@@ -159,8 +164,8 @@ fn kept_and_remade_rows_agree_and_threads_change_nothing() {
                 a.sweep();
                 b.sweep();
             }
-            let shots = Way::Shots.solve(&kept).radiosity;
-            let oracle = Way::Matrix(Relaxation::ConjugateGradient).solve(&kept).radiosity;
+            let shots = Way::Shots.solve(&kept).unwrap().radiosity;
+            let oracle = Way::Matrix(Relaxation::ConjugateGradient).solve(&kept).unwrap().radiosity;
             (a.radiosity(), b.radiosity(), shots, oracle)
         })
     };
@@ -174,7 +179,7 @@ fn kept_and_remade_rows_agree_and_threads_change_nothing() {
 /// Light in one room, none in the next: overshooting must not guess any into it.
 #[test]
 fn a_room_without_light_stays_dark_at_every_step() {
-    let (lit, dark) = (ring(16), ring(16));
+    let (lit, dark) = (ring(16).unwrap(), ring(16).unwrap());
     let mut row = Row::default();
     let rows = Rows::new((0..32).map(|i| {
         (if i < 16 { &lit } else { &dark }).row(i % 16, &mut row);

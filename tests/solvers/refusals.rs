@@ -7,7 +7,7 @@ fn rows_that_are_balanced_are_reciprocal_and_keep_their_sums() {
     let mut world = box_room(3, dvec3(1.0, 3.0, 0.5));
     world.add_quad(dvec3(0.5, 1.5, 0.2), DVec3::X * 0.01, DVec3::Y * 0.01, [1, 1]);
     let area = world.area();
-    let rows = Method::Rays(64).rows(&world);
+    let rows = Method::Rays(64).rows(&world).unwrap();
     let balanced = rows.balanced(&area).unwrap();
     let factor = |i: usize, j: usize| {
         let (column, weight) = balanced.patch(i);
@@ -26,7 +26,7 @@ fn rows_that_are_balanced_are_reciprocal_and_keep_their_sums() {
         }
     }
     // Rows that are reciprocal already stay.
-    let ring = ring(12);
+    let ring = ring(12).unwrap();
     let again = ring.balanced(&[1.0; 12]).unwrap();
     for i in 0..12 {
         for (a, b) in ring.patch(i).1.iter().zip(again.patch(i).1) {
@@ -39,7 +39,7 @@ fn rows_that_are_balanced_are_reciprocal_and_keep_their_sums() {
 fn a_closed_white_room_is_refused_and_so_is_nonsense() {
     let area = vec![1.0; 8];
     let make = |rho: f64, source: f64, area: Vec<f64>| {
-        Problem::new(area, vec![grey(rho); 8], vec![grey(source); 8], ring(8))
+        Problem::new(area, vec![grey(rho); 8], vec![grey(source); 8], ring(8).unwrap())
     };
     assert!(make(0.999, 1.0, area.clone()).is_ok());
     for (rho, source, area, word) in [
@@ -81,7 +81,7 @@ fn a_matrix_that_does_not_fit_is_refused_with_its_size() {
 #[test]
 fn solve_reaches_the_tolerance_or_stops_when_told() {
     let problem = colourful(6, 0.9);
-    let exact = Way::Matrix(Relaxation::GaussSeidel).solve(&problem).radiosity;
+    let exact = Way::Matrix(Relaxation::GaussSeidel).solve(&problem).unwrap().radiosity;
     for (solver, relaxation) in [
         (Solver::Progressive, options::Relaxation::GaussSeidel),
         (Solver::Matrix, options::Relaxation::GaussSeidel),

@@ -1,63 +1,95 @@
-//! Small worlds with closed answers, traced by looking at every surface: what the tests of form factors and solvers
-//! share. Not every test binary uses all of it.
-#![allow(dead_code)]
+//! Small worlds of patches with closed answers, traced by looking at every surface.
 
+use crate::error::Result;
+use crate::solve::{Made, RowSource, Rows};
+use crate::transport::Ray;
+use crate::transport::form_factors::area::{Polygon, polygon_row};
+use crate::transport::form_factors::hemicube::Hemicube;
+use crate::transport::form_factors::polygon::point_to_polygon;
+use crate::transport::form_factors::rays::ray_row;
+use crate::transport::form_factors::{Landings, Row, SurfacePoint};
 use glam::{DVec3, dvec3};
-use lightkiln::solve::{Made, RowSource, Rows};
-use lightkiln::transport::Ray;
-use lightkiln::transport::form_factors::area::{Polygon, polygon_row};
-use lightkiln::transport::form_factors::hemicube::Hemicube;
-use lightkiln::transport::form_factors::polygon::point_to_polygon;
-use lightkiln::transport::form_factors::rays::ray_row;
-use lightkiln::transport::form_factors::{Landings, Row, SurfacePoint};
 
 /// A parallelogram cut into columns × rows patches, or a triangle, which is one.
 #[derive(Clone)]
-pub struct Surface {
-    pub origin: DVec3,
-    pub u: DVec3,
-    pub v: DVec3,
-    pub grid: Option<[u32; 2]>,
+struct Surface {
+    origin: DVec3,
+    u: DVec3,
+    v: DVec3,
+    grid: Option<[u32; 2]>,
     first_patch: u32,
 }
 
 /// Surfaces that face their normal, u × v, with patches numbered through.
 #[derive(Clone, Default)]
 pub struct World {
-    pub surfaces: Vec<Surface>,
+    surfaces: Vec<Surface>,
+    /// The patches.
     pub polygons: Vec<Polygon>,
     owner: Vec<u32>,
 }
 
 impl World {
+    /// Adds a parallelogram of columns × rows patches; nothing where it has no area.
     pub fn add_quad(&mut self, origin: DVec3, u: DVec3, v: DVec3, grid: [u32; 2]) {
-        let first_patch = self.polygons.len() as u32;
         let at = |x: u32, y: u32| {
             origin + u * (f64::from(x) / f64::from(grid[0])) + v * (f64::from(y) / f64::from(grid[1]))
         };
-        for y in 0..grid[1] {
-            for x in 0..grid[0] {
-                self.polygons.push(
-                    Polygon::new(vec![at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)]).unwrap(),
-                );
-                self.owner.push(self.surfaces.len() as u32);
+        let cells = (0..grid[1]).flat_map(|y| (0..grid[0]).map(move |x| (x, y)));
+        let polygons =
+            cells.map(|(x, y)| Polygon::new(vec![at(x, y), at(x + 1, y), at(x + 1, y + 1), at(x, y + 1)]));
+        self.add(polygons.collect(), Surface { origin, u, v, grid: Some(grid), first_patch: 0 });
+    }
+
+    /// Adds a triangle; nothing where it has no area.
+    pub fn add_triangle(&mut self, corners: [DVec3; 3]) {
+        let [origin, b, c] = corners;
+        let polygon = Polygon::new(corners.to_vec());
+        let surface = Surface { origin, u: b - origin, v: c - origin, grid: None, first_patch: 0 };
+        self.add(polygon.map(|polygon| vec![polygon]), surface);
+    }
+
+    fn add(&mut self, polygons: Option<Vec<Polygon>>, surface: Surface) {
+        let Some(polygons) = polygons else { return };
+        let (first_patch, owner) = (self.polygons.len() as u32, self.surfaces.len() as u32);
+        self.owner.resize(self.owner.len() + polygons.len(), owner);
+        self.polygons.extend(polygons);
+        self.surfaces.push(Surface { first_patch, ..surface });
+    }
+
+    /// Takes all surfaces but the first few away.
+    pub fn truncate(&mut self, surfaces: usize) {
+        if let Some(first) = self.surfaces.get(surfaces) {
+            self.polygons.truncate(first.first_patch as usize);
+            self.owner.truncate(first.first_patch as usize);
+            self.surfaces.truncate(surfaces);
+        }
+    }
+
+    /// The same world, every length multiplied by `scale` and then moved.
+    pub fn placed(&self, scale: f64, by: DVec3) -> Self {
+        let mut placed = Self::default();
+        for surface in &self.surfaces {
+            let (origin, u, v) = (surface.origin * scale + by, surface.u * scale, surface.v * scale);
+            match surface.grid {
+                Some(grid) => placed.add_quad(origin, u, v, grid),
+                None => placed.add_triangle([origin, origin + u, origin + v]),
             }
         }
-        self.surfaces.push(Surface { origin, u, v, grid: Some(grid), first_patch });
+        placed
     }
 
-    pub fn add_triangle(&mut self, corners: [DVec3; 3]) {
-        let first_patch = self.polygons.len() as u32;
-        self.polygons.push(Polygon::new(corners.to_vec()).unwrap());
-        self.owner.push(self.surfaces.len() as u32);
-        let [origin, b, c] = corners;
-        self.surfaces.push(Surface { origin, u: b - origin, v: c - origin, grid: None, first_patch });
-    }
-
+    /// Number of patches.
     pub fn len(&self) -> usize {
         self.polygons.len()
     }
 
+    /// Whether there is no patch.
+    pub fn is_empty(&self) -> bool {
+        self.polygons.is_empty()
+    }
+
+    /// Area of every patch.
     pub fn area(&self) -> Vec<f64> {
         self.polygons.iter().map(Polygon::area).collect()
     }
@@ -121,8 +153,16 @@ impl World {
 /// One way to form factors.
 #[derive(Clone, Copy, Debug)]
 pub enum Method {
+    /// This many cosine-distributed rays from all over the patch, a power of two.
     Rays(u32),
-    Hemicube { resolution: u32, points: u32 },
+    /// Hemicubes over the middles of points × points cells of the patch.
+    Hemicube {
+        /// Pixels along the edge of the top.
+        resolution: u32,
+        /// Along each axis.
+        points: u32,
+    },
+    /// Closed forms.
     Analytic,
 }
 
@@ -150,8 +190,33 @@ impl Method {
         Made::new(world.len(), move |patch, row: &mut Row| *row = self.row(world, patch as u32))
     }
 
-    pub fn rows(self, world: &World) -> Rows {
-        Rows::collect(&self.source(world)).unwrap()
+    /// Rows of all patches, kept.
+    pub fn rows(self, world: &World) -> Result<Rows> {
+        Rows::collect(&self.source(world))
+    }
+
+    /// What bounds the error, in words; see [`Method::error`].
+    pub fn why(self) -> &'static str {
+        match self {
+            Self::Rays(_) => {
+                "4 standard deviations of a scrambled net's share, √(F(1 − F)) N^(−5/8): the indicator of a \
+                 region of the 4-dimensional cube"
+            }
+            Self::Hemicube { .. } => {
+                "the mean over a cell lies between its middle, where the cube stands, and its corners; edges cut a \
+                 chain of pixels, half a pixel of √F"
+            }
+            Self::Analytic => "the tolerance asked for, 1e-9 of the factor",
+        }
+    }
+
+    /// What tables call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rays(_) => "rays",
+            Self::Hemicube { .. } => "hemicube",
+            Self::Analytic => "analytic",
+        }
     }
 
     /// F_ij, with row i alone.
@@ -164,9 +229,9 @@ impl Method {
     ///
     /// * Rays: hits are the indicator of a region of the four-dimensional cube. For those, the standard deviation of
     ///   scrambled nets falls as N^(−1/2 − 1/(2·4)), from √(F(1 − F)) at one ray on. Four of them.
-    /// * Hemicube: midpoints of n × n places miss at most the variation of the point factor over 2n, along both axes;
-    ///   a polygon's edge cuts a chain of pixels, which holds at most 1/resolution of the hemisphere, half of it on
-    ///   the wrong side.
+    /// * Hemicube: where the point factor bends one way over a cell, its mean lies between its middle and the mean of
+    ///   its corners; a polygon's edge cuts a chain of pixels, which holds at most 1/resolution of the hemisphere, half
+    ///   of it on the wrong side.
     /// * Analytic: the tolerance it was asked for.
     pub fn error(self, world: &World, from: u32, to: u32, factor: f64) -> f64 {
         match self {
@@ -175,15 +240,19 @@ impl Method {
                 let polygon = &world.polygons[from as usize];
                 let target = world.polygons[to as usize].corners();
                 // Borders are seen from just inside: on them the other polygon may be edge on.
-                let inner = |i: u8| (f32::from(i) / 8.0).clamp(1e-4, 1.0 - 1e-4);
-                let values: Vec<f64> = (0..=8)
-                    .flat_map(|x| (0..=8).map(move |y| [inner(x), inner(y)]))
-                    .map(|at| world.sample(from, at).position_world.as_dvec3())
-                    .map(|at| point_to_polygon(at, polygon.normal(), target))
-                    .collect();
-                let variation = values.iter().copied().fold(0.0, f64::max)
-                    - values.iter().copied().fold(f64::INFINITY, f64::min);
-                2.0 * variation / (2.0 * f64::from(points)) + 0.5 / f64::from(resolution) * factor.sqrt()
+                let at = |i: u32, shift: f32| ((i as f32 + shift) / points as f32).clamp(1e-4, 1.0 - 1e-4);
+                let seen = |x: f32, y: f32| {
+                    let place = world.sample(from, [x, y]).position_world.as_dvec3();
+                    point_to_polygon(place, polygon.normal(), target)
+                };
+                let cells = (0..points).flat_map(|y| (0..points).map(move |x| (x, y)));
+                let apart = cells.map(|(x, y)| {
+                    let corners = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)];
+                    let mean = corners.iter().map(|&(u, v)| seen(at(x, u), at(y, v))).sum::<f64>() / 4.0;
+                    (mean - seen(at(x, 0.5), at(y, 0.5))).abs()
+                });
+                let quadrature = apart.sum::<f64>() / f64::from(points * points);
+                quadrature + 0.5 / f64::from(resolution) * factor.sqrt()
             }
             Self::Analytic => 1e-9 * factor,
         }
@@ -195,6 +264,7 @@ pub fn cube(n: u32, size: f64) -> World {
     box_room(n, DVec3::splat(size))
 }
 
+/// The same with three different sides.
 pub fn box_room(n: u32, size: DVec3) -> World {
     let (x, y, z) = (DVec3::X * size.x, DVec3::Y * size.y, DVec3::Z * size.z);
     let mut world = World::default();
@@ -259,4 +329,35 @@ pub fn sphere(world: &mut World, radius: f64, n: u32, inside: bool) {
 /// The same in all channels.
 pub fn grey(value: f64) -> DVec3 {
     DVec3::splat(value)
+}
+
+/// n patches of equal area on a ring, each of which sees its neighbours in shares of 1/64: reciprocal, closed, and
+/// exact in f32.
+pub fn ring(patches: u32) -> Result<Rows> {
+    let counts = [0u32, 20, 9, 3];
+    let hits: Vec<Vec<(u32, u32)>> = (0..patches)
+        .map(|i| {
+            let neighbour =
+                |step: u32, count| [((i + step) % patches, count), ((i + patches - step) % patches, count)];
+            (1..4).flat_map(|step| neighbour(step, counts[step as usize])).collect()
+        })
+        .collect();
+    Rows::from_counts(64, &hits, &vec![0; patches as usize])
+}
+
+/// Numbers in `[0, 1)`, the same at every run.
+pub struct Numbers(pub u64);
+
+impl Numbers {
+    /// The next.
+    #[allow(clippy::should_implement_trait)]
+    pub fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// Three of them.
+    pub fn colour(&mut self) -> DVec3 {
+        dvec3(self.next(), self.next(), self.next())
+    }
 }
