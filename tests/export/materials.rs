@@ -88,7 +88,9 @@ fn a_primitive_without_material_gets_one_of_defaults() {
     assert_eq!(materials.len(), 1);
     let mut keys: Vec<&str> = materials[0].as_object().unwrap().keys().map(String::as_str).collect();
     keys.sort_unstable();
-    assert_eq!(keys, ["extensions", "name"]);
+    // Not metallic: a metal would not show its lightmap.
+    assert_eq!(keys, ["extensions", "name", "pbrMetallicRoughness"]);
+    assert_eq!(materials[0]["pbrMetallicRoughness"], json!({"metallicFactor": 0}));
     assert_eq!([worn(&baked, 0), worn(&baked, 1)], [0, 0]);
 }
 
@@ -241,7 +243,8 @@ fn a_second_bake_replaces_the_first_lightmap() {
 #[test]
 fn a_preview_shines_by_itself() {
     let wall = json!({"name": "Wall", "doubleSided": true, "alphaMode": "MASK", "normalTexture": {"index": 0},
-        "pbrMetallicRoughness": {"baseColorFactor": [1.0, 0.5, 0.25, 0.75], "baseColorTexture": {"index": 0}}});
+        "pbrMetallicRoughness": {"baseColorFactor": [1.0, 0.5, 0.25, 0.75], "metallicFactor": 0.0,
+                                 "baseColorTexture": {"index": 0}}});
     let mut builder = sheet(6);
     builder.view(PNG);
     let bytes = builder.glb(json!({
