@@ -3,8 +3,8 @@
     python tools/draw_costs.py SCENE.glb... --out DIR --picture FILE.png [--page-size 256] [--again]
 
 Studies every scene into DIR/NAME, unless there is a study already (--again makes it afresh), draws rms error against seconds with the front
-that no setting gets past, and prints the least seconds that reach 5, 2, 1 and 0.5 %. Where tools/compare_cycles.py has put Cycles into a
-study, it is drawn too.
+that no setting gets past, and prints the least seconds that reach 5, 2, 1 and 0.5 %. Where tools/compare_cycles.py has been in the folder,
+Cycles is drawn too.
 
 Needs matplotlib (tools/requirements-plots.txt).
 """
@@ -55,8 +55,11 @@ def study(scene, wanted):
     if wanted.again or not (folder / "accuracy.csv").exists():
         command = [wanted.lightkiln, "study", "accuracy", scene, "--out", folder, "--page-size", wanted.page_size, "--max-pages", 1]
         subprocess.run([str(word) for word in command], stdout=subprocess.DEVNULL)
-    with open(folder / "accuracy.csv", newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["sweep"] != "density" and row["seconds"] and row["rms"]]
+    rows = []
+    for table in (folder / "accuracy.csv", folder / "cycles.csv"):
+        if table.exists():
+            with open(table, newline="") as file:
+                rows += [row for row in csv.DictReader(file) if row["sweep"] != "density" and row["seconds"] and row["rms"]]
     return [{**row, "seconds": float(row["seconds"]), "rms": float(row["rms"])} for row in rows]
 
 

@@ -15,7 +15,7 @@ h1 { font-size: 1.7rem; } h2 { font-size: 1.2rem; margin-top: 2.5rem; }
 table { border-collapse: collapse; font-size: .85rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .25rem .6rem; border-bottom: 1px solid #ddd; text-align: left; vertical-align: top; }
 th { position: sticky; top: 0; background: #fff; }
-td.number { text-align: right; white-space: nowrap; }
+td.number { text-align: right; white-space: nowrap; } td:first-child { white-space: nowrap; }
 tr.best { background: #e8f5e9; } tr.failed { background: #ffe3e0; }
 .pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(20rem, 1fr)); gap: 1rem; margin-top: 1rem; }
 figure { margin: 0; } img { width: 100%; image-rendering: pixelated; } figcaption { font-size: .9rem; }

@@ -97,7 +97,7 @@ fn trials(outcome: &Outcome) -> Sheet {
         "largest",
         "bias",
         "energy",
-        "rms as the bake estimates it",
+        "rms estimated",
     ];
     Sheet {
         name: "trials",
