@@ -95,7 +95,7 @@ const FLOATS: [f32; 20] = [
     f32::INFINITY,
     f32::NEG_INFINITY,
     f32::NAN,
-    3.141_592_7,
+    std::f32::consts::PI,
 ];
 
 fn change_bytes(bin: &mut Vec<u8>, dice: &mut Dice) {
@@ -250,7 +250,7 @@ fn strange(dice: &mut Dice) -> Value {
         "1e999",
     ];
     match dice.below(12) {
-        0..=5 => number(&dice.of(&NUMBERS)),
+        0..=5 => number(dice.of(&NUMBERS)),
         6 => json!(dice.of(&WORDS)),
         7 => dice.of(&[Value::Null, json!([]), json!({}), json!(true), json!(false), json!("")]),
         8 => json!([0, 1, 2, 0]),
