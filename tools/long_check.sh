@@ -76,7 +76,7 @@ fuzz() {
 
 kills() {
   LIGHTKILN_KILLS=500 LIGHTKILN_FUZZ=100000 LIGHTKILN_DAMAGED=20000 \
-    cargo test --release --test faults --test bad_input --lib killed damage no_bytes
+    cargo test --release --test faults --test bad_input --lib -- killed damage no_bytes
 }
 
 memory() {
