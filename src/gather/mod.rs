@@ -8,6 +8,7 @@ mod bright;
 mod cells;
 mod hemisphere;
 mod interpolate;
+mod openings;
 mod parted;
 mod smooth;
 
@@ -61,6 +62,6 @@ pub fn gather<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
     seed: u32,
     progress: &mut Progress,
 ) -> Indirect {
-    let set = DirectionSet::new(options.rays, seed);
+    let set = DirectionSet::new(options.rays, seed, around.sky.is_lit());
     cells::fill(elements, direct, coarse, around, &set, options, progress)
 }
