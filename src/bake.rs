@@ -1,24 +1,33 @@
 //! The straight line, in one screen: one call a stage, plain data in, plain data out.
 
+mod log;
+mod output;
+mod passes;
 mod reflect;
+mod schedule;
+mod snapshots;
 
 use crate::atlas::{self, Atlas};
-use crate::direct::{self, Faint};
-use crate::elements::{self, Elements, Lookup};
+use crate::direct;
+use crate::elements::{self, Elements};
 use crate::error::{Error, Result, Warning};
-use crate::export::{self, Metadata};
-use crate::options::{BakeOptions, ImportOptions, LightPart, RenderOptions, Store};
+use crate::options::{BakeOptions, LightPart};
 use crate::plan::{self, Plan, Wanted};
-use crate::progress::{Observer, Progress, Silent, Stage};
+use crate::progress::{Observer, Silent, Stage};
 use crate::report::{self, AtlasReport, EnergyReport, LightReport, Report, StageReport};
 use crate::scene::Scene;
+use crate::solve::coarse::Coarse;
 use crate::transport::{AnyTracer, Blocking, Tracer, World};
 use crate::units::Irradiance;
-use crate::{baked, import, memory, render, resolve, with_tracer};
+use crate::{export, import, memory, with_tracer};
 use glam::Vec3;
-use reflect::{Around, Reflected, Straight};
+use log::Log;
+use output::Output;
+use passes::{Ground, Pass, passes};
+use snapshots::Snapshots;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// How a bake runs, as opposed to what it makes.
 pub struct Run<'a> {
@@ -36,6 +45,8 @@ pub struct Run<'a> {
     pub clock: &'a (dyn Fn() -> f64 + Sync),
     /// Most memory the process has had resident so far, bytes, where the system tells.
     pub memory: &'a (dyn Fn() -> Option<u64> + Sync),
+    /// Writes the light so far every so many seconds.
+    pub snapshot_every_s: Option<f64>,
 }
 
 impl Default for Run<'_> {
@@ -50,6 +61,7 @@ impl Default for Run<'_> {
             memory_available_bytes: None,
             clock: &|| 0.0,
             memory: &|| None,
+            snapshot_every_s: None,
         }
     }
 }
@@ -101,13 +113,37 @@ impl Lit {
         }
     }
 
+    fn glimpse(&self) -> Glimpse<'_> {
+        Glimpse {
+            atlas: &self.atlas,
+            elements: &self.elements,
+            direct: &self.direct,
+            indirect: &self.indirect,
+            sky: self.sky.as_deref(),
+            unshot_fraction: self.light.unshot_fraction,
+        }
+    }
+}
+
+/// The light so far, as [`Lit`] has it in the end.
+#[derive(Clone, Copy)]
+struct Glimpse<'a> {
+    atlas: &'a Atlas,
+    elements: &'a Elements,
+    direct: &'a [Irradiance],
+    indirect: &'a [Irradiance],
+    sky: Option<&'a [Irradiance]>,
+    unshot_fraction: f64,
+}
+
+impl Glimpse<'_> {
     fn part(&self, part: LightPart) -> Vec<Irradiance> {
         let all = 0..self.elements.len();
         match (part, &self.sky) {
-            (LightPart::Full, _) => all.map(|e| self.irradiance(e)).collect(),
-            (LightPart::Direct, None) => self.direct.clone(),
+            (LightPart::Full, _) => all.map(|e| self.direct[e] + self.indirect[e]).collect(),
+            (LightPart::Direct, None) => self.direct.to_vec(),
             (LightPart::Direct, Some(sky)) => all.map(|e| self.direct[e] + sky[e]).collect(),
-            (LightPart::Indirect, None) => self.indirect.clone(),
+            (LightPart::Indirect, None) => self.indirect.to_vec(),
             // Interpolated each on its own, the two may differ by their error where nothing is reflected.
             (LightPart::Indirect, Some(sky)) => {
                 all.map(|e| Irradiance((self.indirect[e].0 - sky[e].0).max(Vec3::ZERO))).collect()
@@ -118,8 +154,7 @@ impl Lit {
 
 /// Bakes a file: reads it, lights it, writes the result, tells what was done.
 pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
-    let started = (run.clock)();
-    let output = export::output_path(input, &options.export)?;
+    let path = export::output_path(input, &options.export)?;
     in_pool(run.threads, || {
         let mut log = Log::new(run);
         let (document, scene) = log.stage(Stage::Import, 1, |_| {
@@ -127,47 +162,23 @@ pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
             export::check_names(&document, &options.export)?;
             Ok(((document, scene), 0))
         })?;
-        let lit = light_into(&scene, options, &mut log)?;
-        let interrupted = run.cancel.load(Ordering::Relaxed);
-        let (lightmap, white) = log.stage(Stage::Resolve, 1, |_| {
-            let part = lit.part(options.export.light);
-            let lightmap = resolve::resolve(&scene, &lit.elements, &lit.atlas, &part, options.export.store);
-            let white = options.export.preview.as_ref().map(|_| {
-                let all = lit.part(LightPart::Full);
-                resolve::resolve(&scene, &lit.elements, &lit.atlas, &all, Store::IrradianceOverPi)
-            });
-            Ok(((lightmap, white), 0))
-        })?;
-        let written = log.stage(Stage::Export, 1, |_| {
-            let metadata = metadata(options, &scene, &lit);
-            let mut written = export::write(
-                &document,
-                &scene,
-                &lit.atlas,
-                &lightmap,
-                white.as_ref(),
-                &metadata,
-                &options.export,
-            )?;
-            if let Some(path) = &options.export.picture {
-                written.warnings.extend(take_picture(path, &output, &options.import)?);
-                written.files.push(path.clone());
-            }
-            Ok((written, 0))
-        })?;
-        let warnings = [scene.warnings.clone(), lit.warnings.clone(), written.warnings].concat();
+        let output = Output { document: &document, scene: &scene, options, path: &path };
+        let write = |light: &Glimpse| output.write_so_far(light);
+        let snapshots = Snapshots::new(run, &write);
+        let lit = light_into(&scene, options, &mut log, snapshots.as_ref())?;
+        let interrupted = log.cancelled();
+        let written = output.write(&lit.glimpse(), &mut log)?;
+        let missed: Vec<Warning> = snapshots.and_then(Snapshots::warning).into_iter().collect();
+        let warnings = [&scene.warnings[..], &lit.warnings, &written.warnings, &missed].concat();
+        let others = written.files.iter().filter(|file| **file != path);
         Ok(Report {
             version: env!("CARGO_PKG_VERSION"),
             input: input.to_owned(),
-            outputs: [&output]
-                .into_iter()
-                .chain(written.files.iter().filter(|f| **f != output))
-                .cloned()
-                .collect(),
+            outputs: [&path].into_iter().chain(others).cloned().collect(),
             interrupted,
             settings: options.clone(),
             lamp_units: scene.lamp_units,
-            seconds_total: (run.clock)() - started,
+            seconds_total: log.seconds(),
             stages: log.stages,
             predicted_memory_bytes: lit.predicted_memory_bytes,
             atlas: lit.atlas_report(),
@@ -178,30 +189,11 @@ pub fn bake(input: &Path, options: &BakeOptions, run: &Run) -> Result<Report> {
     })?
 }
 
-/// A picture of what was just written, as `lightkiln render` would take it; a warning where there is nothing to see.
-fn take_picture(path: &Path, output: &Path, import: &ImportOptions) -> Result<Option<Warning>> {
-    let seen =
-        baked::read(output, import).and_then(|baked| render::picture(&baked, &RenderOptions::default()));
-    match seen {
-        Ok(picture) => export::write_png(path, picture.size, &picture.rgb).map(|()| None),
-        Err(error) => Ok(Some(Warning::new(path.display().to_string(), format!("no picture: {error}")))),
-    }
-}
-
-fn metadata(options: &BakeOptions, scene: &Scene, lit: &Lit) -> Metadata {
-    Metadata {
-        generator: concat!("lightkiln ", env!("CARGO_PKG_VERSION")).to_owned(),
-        settings: serde_json::to_value(options).unwrap_or_default(),
-        convergence: vec![("unshot".to_owned(), lit.light.unshot_fraction)],
-        scene: scene.index,
-    }
-}
-
 /// Lights a scene that is already in memory; no file is read or written.
 pub fn light(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Lit> {
     in_pool(run.threads, || {
         let mut log = Log::new(run);
-        let mut lit = light_into(scene, options, &mut log)?;
+        let mut lit = light_into(scene, options, &mut log, None)?;
         lit.stages = log.stages;
         Ok(lit)
     })?
@@ -215,7 +207,12 @@ pub fn wanted(options: &BakeOptions) -> Wanted {
     }
 }
 
-fn light_into(scene: &Scene, options: &BakeOptions, log: &mut Log) -> Result<Lit> {
+fn light_into(
+    scene: &Scene,
+    options: &BakeOptions,
+    log: &mut Log,
+    snapshots: Option<&Snapshots>,
+) -> Result<Lit> {
     let plan = log.stage(Stage::Plan, 1, |_| Ok((plan::plan(scene, &wanted(options)), 0)))?;
     let geometries = scene.geometries.len() as u64;
     let atlas = log.stage(Stage::Atlas, geometries, |progress| {
@@ -226,7 +223,7 @@ fn light_into(scene: &Scene, options: &BakeOptions, log: &mut Log) -> Result<Lit
     let world = log.stage(Stage::Transport, 1, |_| Ok((World::new(scene), 0)))?;
     let blocking = if plan.work.tinted { Blocking::Tinted } else { world.blocking() };
     let tracer = AnyTracer::new(blocking, &world, scene);
-    let lit = with_tracer!(tracer, tracer => shine(scene, plan, atlas, tracer, options, log))?;
+    let lit = with_tracer!(tracer, tracer => shine(scene, plan, atlas, tracer, options, log, snapshots))?;
     Ok(Lit { predicted_memory_bytes, ..lit })
 }
 
@@ -238,55 +235,28 @@ fn shine<T: Tracer>(
     tracer: &T,
     options: &BakeOptions,
     log: &mut Log,
+    snapshots: Option<&Snapshots>,
 ) -> Result<Lit> {
-    let effort = &options.light;
     let (elements, noticed) = log.stage(Stage::Elements, 1, |progress| {
         let back_counts = |surface: usize| !plan.by_force[surface][1];
         let (elements, noticed) = elements::rasterise(scene, &atlas, &back_counts, tracer, progress)?;
         let rays = noticed.rays;
         Ok(((elements, noticed), rays))
     })?;
-    let count = elements.len() as u64;
     let (emitters, sky) = direct::collect(scene, &plan);
-    let direct = log.stage(Stage::Direct, count, |progress| {
-        let direct =
-            direct::light(&elements, &emitters, &plan, tracer, &effort.direct, effort.seed, progress);
-        let rays = direct.rays;
-        Ok((direct, rays))
-    })?;
-    let faint = Faint::new(&elements, &emitters, &direct, effort.seed);
-    let lit = if plan.work.gather || faint.is_some() {
-        let lookup = Lookup::new(scene, &atlas, tracer.world(), &elements);
-        let around =
-            Around { scene, plan: &plan, atlas: &atlas, elements: &elements, lookup: &lookup, tracer };
-        let from = Straight { direct: &direct, faint: faint.as_ref(), sky: &sky };
-        around.reflect(&from, effort, options.export.light != LightPart::Full, log)?
-    } else {
-        Reflected::nothing(elements.len())
+    let (pass, spoken) = {
+        let (plan, atlas, elements, emitters, sky) = (&plan, &atlas, &elements, &emitters, &sky);
+        passes(&Ground { scene, plan, atlas, elements, emitters, sky, tracer, options }, log, snapshots)?
     };
-    let light = LightReport {
-        patches: lit.patches as u64,
-        shots: lit.coarse.shots,
-        sweeps: lit.coarse.sweeps,
-        form_factors: lit.coarse.form_factors,
-        rays: log.stages.iter().map(|s| s.rays).sum(),
-        ledger: EnergyReport {
-            emitted: lit.coarse.ledger.emitted.to_array(),
-            absorbed: lit.coarse.ledger.absorbed.to_array(),
-            escaped: lit.coarse.ledger.escaped.to_array(),
-            unshot: lit.coarse.ledger.unshot.to_array(),
-        },
-        unshot_fraction: lit.coarse.unshot_fraction,
-        unshot_error_bound: Some(lit.coarse.error_bound).filter(|bound| bound.is_finite()),
-        estimated_error: None,
-    };
-    let warnings = [atlas.warnings.clone(), noticed.warnings].concat();
+    let light = light_report(&pass, log);
+    let warnings = [&atlas.warnings[..], &noticed.warnings, &spoken].concat();
+    let direct = Arc::try_unwrap(pass.direct).map_or_else(|kept| kept.irradiance.clone(), |d| d.irradiance);
     Ok(Lit {
         plan,
         atlas,
-        direct: direct.irradiance,
-        indirect: lit.irradiance,
-        sky: lit.sky,
+        direct,
+        indirect: pass.reflected.irradiance,
+        sky: pass.reflected.sky,
         elements,
         stages: Vec::new(),
         predicted_memory_bytes: 0,
@@ -295,34 +265,25 @@ fn shine<T: Tracer>(
     })
 }
 
-/// Times the stages.
-struct Log<'a> {
-    run: &'a Run<'a>,
-    stages: Vec<StageReport>,
-}
-
-impl<'a> Log<'a> {
-    fn new(run: &'a Run<'a>) -> Self {
-        Self { run, stages: Vec::new() }
-    }
-
-    /// Runs a stage of `total` units, which returns its result and the rays it sent.
-    fn stage<R>(
-        &mut self,
-        stage: Stage,
-        total: u64,
-        work: impl FnOnce(&mut Progress) -> Result<(R, u64)>,
-    ) -> Result<R> {
-        let started = (self.run.clock)();
-        let mut progress = Progress::begin(self.run.observer, self.run.cancel, stage, total);
-        let (result, rays) = work(&mut progress)?;
-        self.stages.push(StageReport {
-            stage,
-            seconds: (self.run.clock)() - started,
-            rays,
-            peak_memory_bytes: (self.run.memory)(),
-        });
-        Ok(result)
+fn light_report(pass: &Pass, log: &Log) -> LightReport {
+    let (solved, none) = (pass.reflected.solved.as_deref(), Coarse::default());
+    let coarse = solved.map_or(&none, |solved| &solved.coarse);
+    LightReport {
+        patches: solved.map_or(0, |solved| solved.patches.len() as u64),
+        shots: coarse.shots,
+        sweeps: coarse.sweeps,
+        form_factors: coarse.form_factors,
+        rays: log.rays(),
+        ledger: EnergyReport {
+            emitted: coarse.ledger.emitted.to_array(),
+            absorbed: coarse.ledger.absorbed.to_array(),
+            escaped: coarse.ledger.escaped.to_array(),
+            unshot: coarse.ledger.unshot.to_array(),
+        },
+        unshot_fraction: coarse.unshot_fraction,
+        unshot_error_bound: Some(coarse.error_bound).filter(|bound| bound.is_finite()),
+        estimated_error: pass.audit.map(|audit| audit.total),
+        error_parts: pass.audit,
     }
 }
 

@@ -6,10 +6,11 @@
 //! triangles would tell.
 
 use crate::atlas;
+use crate::audit;
 use crate::bake::{Lit, Run, in_pool, light, wanted};
 use crate::error::Result;
 use crate::memory;
-use crate::options::{AtlasOptions, BakeOptions};
+use crate::options::{AtlasOptions, BakeOptions, Goal, LightOptions};
 use crate::plan::{Finding, plan};
 use crate::progress::{Progress, Stage};
 use crate::scene::Scene;
@@ -27,6 +28,9 @@ const REPEATS: usize = 3;
 const SHORT_SECONDS: f64 = 0.3;
 /// Resolving, encoding and writing a page, seconds a texel: 512² take 0.03 s on two cores of 2020's.
 const WRITE_SECONDS_PER_TEXEL: f64 = 1.2e-7;
+
+/// The rays of an audit go everywhere at once: they take so many times as long as others.
+const AUDIT_SLOWER: f64 = 1.7;
 
 /// How many times the patches of the larger trial a bake has at the most.
 const MOST_MORE_PATCHES: f64 = 1.4;
@@ -139,6 +143,15 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
             };
             stages.push((stage, last.seconds * slower));
         }
+        let share = f64::from(options.light.audit_share);
+        if share > 0.0 && rays > 0.0 {
+            let light = [Stage::Direct, Stage::Solve, Stage::Gather];
+            let took =
+                stages.iter().filter(|stage| light.contains(&stage.0)).map(|stage| stage.1).sum::<f64>();
+            let audited = (share * rays).max(audit::LEAST_RAYS as f64);
+            stages.push((Stage::Audit, AUDIT_SLOWER * audited * took / rays));
+            rays += audited;
+        }
         let exported = atlas.pages.iter().filter(|page| page.exported);
         let size = exported.clone().map(|page| page.size_texels).max().unwrap_or(0);
         let pages = exported.count() as u32;
@@ -161,7 +174,8 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
 /// A bake at a lower density, with the shortest time of every stage of some repetitions.
 fn trial(scene: &Scene, options: &BakeOptions, density: f32, run: &Run) -> Result<Lit> {
     let atlas = AtlasOptions { density: Some(density), ..options.atlas.clone() };
-    let options = BakeOptions { atlas, ..options.clone() };
+    let light_options = LightOptions { audit_share: 0.0, ..options.light.clone() };
+    let options = BakeOptions { atlas, light: light_options, goal: Goal::Effort, ..options.clone() };
     let quiet = Run { observer: &crate::progress::Silent, memory_limit_bytes: None, ..*run };
     let started = (run.clock)();
     let mut lit = light(scene, &options, &quiet)?;

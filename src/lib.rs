@@ -32,6 +32,7 @@ pub mod elements;
 pub mod direct;
 pub mod solve;
 pub mod gather;
+pub mod audit;
 pub mod resolve;
 pub mod export;
 

@@ -8,8 +8,8 @@ use crate::scene::Scene;
 /// written.
 const PER_TEXEL: u64 = 4 + 12 + 1 + 12;
 /// Bytes every element costs: the rows of [`crate::elements::Elements`] (98), direct, coarse and indirect irradiance,
-/// radiosity, the sum (12 each) and the gather's notes (5).
-const PER_ELEMENT: u64 = 98 + 5 * 12 + 5;
+/// radiosity, the sum (12 each), the gather's notes (5) and what audits ask for (2).
+const PER_ELEMENT: u64 = 98 + 5 * 12 + 5 + 2;
 /// Bytes a triangle costs: corners, tree, place in texture space.
 const PER_TRIANGLE: u64 = 260;
 /// Bytes a patch costs without its form factors.

@@ -1,7 +1,9 @@
 //! What a caller may choose: one struct a stage, every default written once, beside its field.
 
+mod budget;
 mod effects;
 
+pub use budget::{Effort, ErrorBudget, Errors};
 pub use effects::{Effect, Forced};
 
 use crate::units::Radiance;
@@ -16,10 +18,25 @@ pub struct BakeOptions {
     pub atlas: AtlasOptions,
     /// The effort of the light stages; see [`Quality::light`].
     pub light: LightOptions,
+    /// When the light is good enough.
+    pub goal: Goal,
     /// Effects that are simulated although the scene does not call for them.
     pub effects: Forced,
     /// What is written and how.
     pub export: ExportOptions,
+}
+
+/// When the light is good enough.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Goal {
+    /// After the effort that [`BakeOptions::light`] tells.
+    #[default]
+    Effort,
+    /// When it is estimated to be off by no more than this share of its mean, in `]0, 1[`; see [`crate::audit`].
+    Tolerance(f64),
+    /// When so many seconds have passed since the bake began, without those that writing takes.
+    Seconds(f64),
 }
 
 /// How the numbers of lamps are meant.
@@ -104,7 +121,7 @@ pub enum Quality {
 }
 
 /// The effort of the light stages.
-#[derive(Clone, Debug, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct LightOptions {
     /// Direct light.
     pub direct: DirectOptions,
@@ -115,7 +132,12 @@ pub struct LightOptions {
     /// Which of many independent sets of samples the light stages use: bakes that differ in nothing else err
     /// independently, as far as their errors come from sampling.
     pub seed: u32,
+    /// Rays that may be spent on an estimate of the error, as a share of all others; 0 is without.
+    pub audit_share: f32,
 }
+
+/// What an audit costs where nobody says anything.
+const AUDIT_SHARE: f32 = 0.04;
 
 impl Default for LightOptions {
     fn default() -> Self {
@@ -124,7 +146,7 @@ impl Default for LightOptions {
 }
 
 /// Direct light.
-#[derive(Clone, Debug, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct DirectOptions {
     /// Visibility rays every texel sends towards every lamp it may see, before anything is refined; 0 refines every
     /// texel, so that each holds the mean over its own square and nothing hangs on what a few rays meet.
@@ -174,7 +196,7 @@ pub enum FormFactors {
 }
 
 /// The coarse solution.
-#[derive(Clone, Debug, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct SolveOptions {
     /// Which solver.
     pub solver: Solver,
@@ -208,7 +230,7 @@ impl Default for SolveOptions {
 }
 
 /// The final gather.
-#[derive(Clone, Debug, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct GatherOptions {
     /// Rays of one gather.
     pub rays: u32,
@@ -219,21 +241,20 @@ pub struct GatherOptions {
 }
 
 impl Quality {
-    /// The settings a level stands for.
+    /// The settings a level stands for: those of its [`ErrorBudget`]; reference gathers at every texel.
     pub fn light(self) -> LightOptions {
-        let level = |probe_rays, penumbra_rays, solve: [u32; 2], rays, tolerance, widest_cell| LightOptions {
-            direct: DirectOptions { probe_rays, penumbra_rays },
-            solve: SolveOptions { patches: solve[0], rays_per_patch: solve[1], ..SolveOptions::default() },
-            gather: GatherOptions { rays, tolerance, widest_cell },
+        let base = LightOptions {
+            direct: DirectOptions { probe_rays: 0, penumbra_rays: 0 },
+            solve: SolveOptions::default(),
+            gather: GatherOptions { rays: 0, tolerance: 0.0, widest_cell: 16 },
             seed: 0,
+            audit_share: AUDIT_SHARE,
         };
-        match self {
-            Self::Draft => level(2, 16, [1000, 32], 128, 0.12, 16),
-            Self::Preview => level(4, 32, [2000, 32], 192, 0.08, 16),
-            Self::Good => level(8, 64, [4000, 32], 256, 0.05, 16),
-            Self::High => level(8, 128, [8000, 64], 1024, 0.02, 16),
-            Self::Reference => level(16, 256, [16000, 64], 4096, 0.0, 16),
+        let mut light = ErrorBudget::of(self).effort().light(&base);
+        if self == Self::Reference {
+            light.gather.tolerance = 0.0;
         }
+        light
     }
 }
 

@@ -1,5 +1,6 @@
 //! How stages tell that they go on, and learn that they should stop. No clock, no printing: the caller has both.
 
+use crate::units::Irradiance;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// The stages, in pipeline order.
@@ -15,13 +16,14 @@ pub enum Stage {
     Direct,
     Solve,
     Gather,
+    Audit,
     Resolve,
     Export,
 }
 
 impl Stage {
     /// All stages, in order.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Import,
         Self::Plan,
         Self::Atlas,
@@ -30,6 +32,7 @@ impl Stage {
         Self::Direct,
         Self::Solve,
         Self::Gather,
+        Self::Audit,
         Self::Resolve,
         Self::Export,
     ];
@@ -45,6 +48,7 @@ impl Stage {
             Self::Direct => "direct",
             Self::Solve => "solve",
             Self::Gather => "gather",
+            Self::Audit => "audit",
             Self::Resolve => "resolve",
             Self::Export => "export",
         }
@@ -59,12 +63,17 @@ pub trait Observer: Sync {
     fn advance(&self, _stage: Stage, _done: u64, _total: u64) {}
     /// The share of the reflected power that the solver has not yet distributed, in `[0, 1]`.
     fn unshot(&self, _fraction: f64) {}
+    /// The estimated error of the light so far, as a share of its mean.
+    fn error(&self, _share: f64) {}
 }
 
 /// An observer that does not listen.
 pub struct Silent;
 
 impl Observer for Silent {}
+
+/// Sees the irradiance that a stage has found so far, one row an element.
+pub type Look<'a> = &'a (dyn Fn(&[Irradiance]) + Sync);
 
 /// What a stage is handed to report with: counts work, and answers whether to stop.
 pub struct Progress<'a> {
@@ -73,13 +82,37 @@ pub struct Progress<'a> {
     stage: Stage,
     done: AtomicU64,
     total: u64,
+    stop: Option<&'a (dyn Fn() -> bool + Sync)>,
+    look: Option<Look<'a>>,
 }
 
 impl<'a> Progress<'a> {
     /// Announces `stage`, which has `total` units of work.
     pub fn begin(observer: &'a dyn Observer, cancel: &'a AtomicBool, stage: Stage, total: u64) -> Self {
         observer.stage(stage);
-        Self { observer, cancel, stage, done: AtomicU64::new(0), total }
+        Self { observer, cancel, stage, done: AtomicU64::new(0), total, stop: None, look: None }
+    }
+
+    /// The same, which is to end too when `stop` says so.
+    pub fn until(self, stop: Option<&'a (dyn Fn() -> bool + Sync)>) -> Self {
+        Self { stop, ..self }
+    }
+
+    /// Shows a stage's unfinished result to `look` now and then.
+    pub fn watched_by(self, look: Option<Look<'a>>) -> Self {
+        Self { look, ..self }
+    }
+
+    /// What is found from now on is for nobody to see.
+    pub fn unwatched(&mut self) {
+        self.look = None;
+    }
+
+    /// Shows the irradiance so far, one row an element, to whoever wants to see it.
+    pub fn glimpse(&self, so_far: &[Irradiance]) {
+        if let Some(look) = self.look {
+            look(so_far);
+        }
     }
 
     /// The same stage goes on with another amount of work.
@@ -101,6 +134,6 @@ impl<'a> Progress<'a> {
 
     /// Whether the caller wants the work so far, now.
     pub fn cancelled(&self) -> bool {
-        self.cancel.load(Ordering::Relaxed)
+        self.cancel.load(Ordering::Relaxed) || self.stop.is_some_and(|stop| stop())
     }
 }

@@ -1,5 +1,6 @@
 //! What a bake did, as plain data. Who prints it decides how it looks.
 
+use crate::audit::Audit;
 use crate::error::Warning;
 use crate::options::{BakeOptions, LampUnits};
 use crate::plan::Finding;
@@ -93,8 +94,11 @@ pub struct LightReport {
     /// Bound on what stopping there cost: the radiosity that is missing, in W over all patches, is at most this share of
     /// the reflected power. `None` where no bound is known.
     pub unshot_error_bound: Option<f64>,
-    /// Root mean square error of the lightmap as a share of its mean, where the stages can estimate it.
+    /// Estimated root mean square error over the lightmap's valid texels, as a share of their mean; see
+    /// [`crate::audit`]. `None` where nothing is lit, or no rays were to be spent on it.
     pub estimated_error: Option<f64>,
+    /// Where that comes from.
+    pub error_parts: Option<Audit>,
 }
 
 /// Where the power of the coarse solution went, red, green and blue: watts, or lumens when the report's lamp units

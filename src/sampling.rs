@@ -16,7 +16,7 @@ pub fn seeded(seed: u32, purpose: u32) -> u32 {
 }
 
 /// A mixing of 32 bits in which every bit depends on every other (Ettinger's lowbias32); 0 stays 0.
-fn mixed(mut x: u32) -> u32 {
+pub fn mixed(mut x: u32) -> u32 {
     x ^= x >> 16;
     x = x.wrapping_mul(0x7feb_352d);
     x ^= x >> 15;

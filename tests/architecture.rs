@@ -12,7 +12,7 @@ const COMMON: [&str; 6] = ["error", "units", "options", "progress", "sampling", 
 
 /// Which module may name which others, besides [`COMMON`]. A stage never names a later one. A file may have a row of
 /// its own, which then counts instead of its module's.
-const MAY_NAME: [(&str, &[&str]); 31] = [
+const MAY_NAME: [(&str, &[&str]); 32] = [
     ("error", &[]),
     ("units", &[]),
     ("options", &[]),
@@ -32,13 +32,14 @@ const MAY_NAME: [(&str, &[&str]); 31] = [
     ("solve/facets.rs", &["plan", "transport", "elements"]),
     ("solve/pairs.rs", &["plan", "transport", "elements"]),
     ("gather", &["scene", "plan", "atlas", "transport", "elements", "direct", "solve"]),
+    ("audit", &["scene", "plan", "atlas", "transport", "elements", "direct", "solve", "gather"]),
     ("resolve", &["scene", "plan", "atlas", "transport", "elements", "direct", "solve", "gather"]),
     ("export", &["scene", "import", "plan", "atlas", "elements", "resolve"]),
     ("baked", &["scene", "import", "export"]),
     ("render", &["scene", "import", "transport", "export", "baked"]),
     ("check", &["scene", "import", "transport", "export", "baked", "render"]),
     ("memory", &["scene", "plan", "atlas"]),
-    ("report", &["plan"]),
+    ("report", &["plan", "audit"]),
     ("bake", &[STAGES, "report"]),
     ("forecast", &[STAGES, "report", "bake"]),
     ("study", &[STAGES, "report", "bake", "forecast"]),

@@ -1,6 +1,6 @@
 //! Light that no bright emitter sent straight: the coarse solution, then the final gather.
 
-use super::Log;
+use super::log::Log;
 use crate::atlas::Atlas;
 use crate::direct::{Direct, Faint};
 use crate::elements::{self, Elements, Lookup, Patches};
@@ -9,11 +9,12 @@ use crate::gather::{self, Bright, Indirect, Surroundings};
 use crate::memory;
 use crate::options::LightOptions;
 use crate::plan::{Plan, Shining};
-use crate::progress::{Progress, Stage};
+use crate::progress::{Look, Progress, Stage};
 use crate::scene::{Scene, Sky};
 use crate::solve::coarse::{Coarse, Sources, Surfaces, coarse};
 use crate::transport::{Hit, Tracer};
 use crate::units::{Irradiance, Radiosity};
+use std::sync::Arc;
 
 /// What light is reflected between.
 pub struct Around<'a, T> {
@@ -32,34 +33,39 @@ pub struct Straight<'a> {
     pub sky: &'a Sky,
 }
 
+/// The coarse solution.
+pub struct Solved {
+    pub patches: Patches,
+    pub coarse: Coarse,
+    /// Its irradiance, one row an element.
+    pub smooth: Vec<Irradiance>,
+}
+
 /// All irradiance that no bright emitter sent straight.
+#[derive(Clone)]
 pub struct Reflected {
     pub irradiance: Vec<Irradiance>,
+    /// Whether an element was gathered, one row an element.
+    pub gathered: Vec<bool>,
     /// The part of it that no surface reflected, where that was asked for.
     pub sky: Option<Vec<Irradiance>>,
-    pub coarse: Coarse,
-    pub patches: usize,
+    /// What it was made from, where there is such light.
+    pub solved: Option<Arc<Solved>>,
 }
 
 impl Reflected {
     /// Where there is no such light.
     pub fn nothing(elements: usize) -> Self {
         let irradiance = vec![Irradiance::ZERO; elements];
-        Self { irradiance, sky: None, coarse: Coarse::default(), patches: 0 }
+        Self { irradiance, gathered: Vec::new(), sky: None, solved: None }
     }
 }
 
 impl<T: Tracer> Around<'_, T> {
-    /// Solves and gathers. `sky_apart` also finds what no surface reflected.
-    pub fn reflect(
-        &self,
-        from: &Straight,
-        effort: &LightOptions,
-        sky_apart: bool,
-        log: &mut Log,
-    ) -> Result<Reflected> {
+    /// The coarse solution.
+    pub fn solve(&self, from: &Straight, effort: &LightOptions, log: &mut Log) -> Result<Solved> {
         let limit_bytes = log.run.memory_limit_bytes;
-        let (patches, coarse) = log.stage(Stage::Solve, u64::from(effort.solve.patches), |progress| {
+        log.stage(Stage::Solve, u64::from(effort.solve.patches), |progress| {
             let (patches, adapt_rays) = self.patches(effort.solve.patches);
             let Self { elements, lookup, plan, tracer, .. } = *self;
             let surfaces = Surfaces { elements, lookup, patches: &patches, sight: &plan.sight, tracer };
@@ -68,26 +74,46 @@ impl<T: Tracer> Around<'_, T> {
             let memory_bytes =
                 memory::left_for_form_factors(self.scene, self.atlas, patches.len(), limit_bytes);
             let coarse = coarse(&surfaces, &sources, &effort.solve, effort.seed, memory_bytes, progress)?;
+            let smooth = gather::spread_over_elements(elements, &patches, &coarse.irradiance);
             let rays = coarse.rays + adapt_rays;
-            Ok(((patches, coarse), rays))
-        })?;
-        let (irradiance, sky) = log.stage(Stage::Gather, self.elements.len() as u64, |progress| {
-            let smooth = gather::spread_over_elements(self.elements, &patches, &coarse.irradiance);
-            let black = |progress: &mut Progress| {
-                self.gather(from, &smooth, None, |_| Radiosity::ZERO, effort, progress)
+            Ok((Solved { patches, coarse, smooth }, rays))
+        })
+    }
+
+    /// Gathers. Elements that it does not come to keep what they had `before`, or what the coarse solution says.
+    /// `sky_apart` also finds what no surface reflected.
+    #[allow(clippy::too_many_arguments)]
+    pub fn gather_all(
+        &self,
+        from: &Straight,
+        solved: Arc<Solved>,
+        before: Option<&Reflected>,
+        effort: &LightOptions,
+        sky_apart: bool,
+        look: Option<Look>,
+        log: &mut Log,
+    ) -> Result<Reflected> {
+        let smooth = &solved.smooth;
+        let (all, sky) = log.watched_stage(Stage::Gather, self.elements.len() as u64, look, |progress| {
+            let at_least = before.map_or(&smooth[..], |before| &before.irradiance);
+            let black = |at_least: &[Irradiance], progress: &mut Progress| {
+                self.gather(from, at_least, None, |_| Radiosity::ZERO, effort, progress)
             };
             if !self.plan.work.bounces {
-                let Indirect { irradiance, rays, .. } = black(progress);
-                let sky = sky_apart.then(|| irradiance.clone());
-                return Ok(((irradiance, sky), rays));
+                let all = black(at_least, progress);
+                let (sky, rays) = (sky_apart.then(|| all.irradiance.clone()), all.rays);
+                return Ok(((all, sky), rays));
             }
-            let all = self.gather_radiosity(from, &patches, &smooth, effort, progress);
+            let all = self.gather_radiosity(from, &solved, at_least, effort, progress);
+            progress.unwatched();
             let apart = sky_apart && (self.plan.lights.sky != Shining::Not || from.faint.is_some());
-            let sky = apart.then(|| black(progress));
+            let sky_before = before.and_then(|before| before.sky.as_deref());
+            let sky = apart.then(|| black(sky_before.unwrap_or(smooth), progress));
             let rays = all.rays + sky.as_ref().map_or(0, |sky| sky.rays);
-            Ok(((all.irradiance, sky.map(|sky| sky.irradiance)), rays))
+            Ok(((all, sky.map(|sky| sky.irradiance)), rays))
         })?;
-        Ok(Reflected { irradiance, sky, patches: patches.len(), coarse })
+        let Indirect { irradiance, gathered, .. } = all;
+        Ok(Reflected { irradiance, gathered, sky, solved: Some(solved) })
     }
 
     /// Patches and the rays that they took.
@@ -106,12 +132,13 @@ impl<T: Tracer> Around<'_, T> {
     fn gather_radiosity(
         &self,
         from: &Straight,
-        patches: &Patches,
-        smooth: &[Irradiance],
+        solved: &Solved,
+        at_least: &[Irradiance],
         effort: &LightOptions,
         progress: &mut Progress,
     ) -> Indirect {
         let Self { elements, lookup, .. } = *self;
+        let Solved { patches, smooth, .. } = solved;
         let mut radiosity: Vec<Radiosity> = (0..elements.len())
             .map(|e| elements.reflectance[e] * (from.direct.irradiance[e] + smooth[e]))
             .collect();
@@ -120,17 +147,17 @@ impl<T: Tracer> Around<'_, T> {
         if self.plan.work.grey {
             let grey: Vec<f32> = radiosity.into_iter().map(|radiosity| radiosity.0.x).collect();
             let seen = |hit: &Hit| lookup.element_at(hit).map_or(0.0, |e| grey[e as usize]);
-            self.gather(from, smooth, bright, |hit| Radiosity::grey(seen(hit)), effort, progress)
+            self.gather(from, at_least, bright, |hit| Radiosity::grey(seen(hit)), effort, progress)
         } else {
             let seen = |hit: &Hit| lookup.element_at(hit).map_or(Radiosity::ZERO, |e| radiosity[e as usize]);
-            self.gather(from, smooth, bright, seen, effort, progress)
+            self.gather(from, at_least, bright, seen, effort, progress)
         }
     }
 
     fn gather(
         &self,
         from: &Straight,
-        smooth: &[Irradiance],
+        at_least: &[Irradiance],
         bright: Option<&Bright>,
         radiosity: impl Fn(&Hit) -> Radiosity + Sync,
         effort: &LightOptions,
@@ -138,6 +165,6 @@ impl<T: Tracer> Around<'_, T> {
     ) -> Indirect {
         let (tracer, sight) = (self.tracer, &self.plan.sight);
         let around = Surroundings { tracer, sight, radiosity, sky: from.sky, faint: from.faint, bright };
-        gather::gather(self.elements, from.direct, smooth, &around, &effort.gather, effort.seed, progress)
+        gather::gather(self.elements, from.direct, at_least, &around, &effort.gather, effort.seed, progress)
     }
 }

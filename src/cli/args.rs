@@ -1,5 +1,6 @@
 //! What can be typed. Every default is read from the library.
 
+use super::amounts;
 use super::check::CheckArgs;
 use super::plan::PlanArgs;
 use super::render::RenderArgs;
@@ -16,6 +17,8 @@ const EXAMPLES: &str = "\
 Examples:
   lightkiln bake room.glb                                writes room.baked.glb and its EXR beside it
   lightkiln bake room.glb -o out/lit.glb --quality high  choose the file and the effort
+  lightkiln bake room.glb --tolerance 0.01               until the light is off by about 1 %
+  lightkiln bake room.glb --time 30s                     the best that 30 seconds allow
   lightkiln bake house.glb --sky 0.35,0.55,1.0           a blue sky around the scene
   lightkiln bake house.glb --sky noon.hdr,0.5            an image of a sky at half strength
   lightkiln bake room.glb --preview lit.glb              also a file that Blender and any viewer show lit
@@ -65,6 +68,20 @@ pub struct BakeArgs {
     /// How much effort goes into the light
     #[arg(long, value_name = "LEVEL", value_enum, default_value_t = Pick(Quality::default()))]
     pub quality: Pick<Quality>,
+
+    /// How far off the light may be, as a share of its mean, such as 0.01 or 1%; takes what effort that takes
+    #[arg(
+        long,
+        value_name = "SHARE",
+        value_parser = amounts::tolerance,
+        conflicts_with_all = ["quality", "time"],
+        allow_negative_numbers = true,
+    )]
+    pub tolerance: Option<f64>,
+
+    /// The best light within this time, such as 500ms, 30s or 2m, and what writing takes
+    #[arg(long, value_name = "TIME", value_parser = amounts::seconds, conflicts_with = "quality")]
+    pub time: Option<f64>,
 
     /// What is written.
     #[command(flatten)]
@@ -249,8 +266,12 @@ pub struct RunArgs {
     pub threads: Option<u16>,
 
     /// The most memory to use, such as 512MiB or 4GiB [default: no limit]
-    #[arg(long, value_name = "SIZE", value_parser = values::memory_bytes)]
+    #[arg(long, value_name = "SIZE", value_parser = amounts::memory_bytes)]
     pub memory: Option<u64>,
+
+    /// Write the light so far every so often, such as 5s; each time better than the last
+    #[arg(long, value_name = "TIME", value_parser = amounts::seconds)]
+    pub snapshot_every: Option<f64>,
 
     /// Print errors only
     #[arg(short, long, conflicts_with = "verbose")]

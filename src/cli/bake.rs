@@ -20,7 +20,7 @@ pub fn run(args: &BakeArgs) -> ExitCode {
     }
 
     let cancel = Arc::new(AtomicBool::new(false));
-    let display = Display::new(job.verbosity, &job.options.light);
+    let display = Display::new(job.verbosity, &job.options);
     interrupt::listen(Arc::clone(&cancel), display.on_interrupt(job.verbosity));
     let result = bake(
         &job.input,
@@ -33,6 +33,7 @@ pub fn run(args: &BakeArgs) -> ExitCode {
             memory_available_bytes: memory::available_bytes(),
             clock: &|| display.seconds(),
             memory: &memory::peak_bytes,
+            snapshot_every_s: job.snapshot_every_s,
         },
     );
     drop(display);

@@ -4,7 +4,7 @@ use super::args::BakeArgs;
 use super::progress::Verbosity;
 use super::values::has_extension;
 use lightkiln::export;
-use lightkiln::options::{BakeOptions, ExportOptions, Solver};
+use lightkiln::options::{BakeOptions, ExportOptions, Goal, Solver};
 use lightkiln::report::Report;
 use lightkiln::{Error, Result};
 use std::io;
@@ -27,6 +27,8 @@ pub struct Job {
     pub threads: Option<usize>,
     /// The most memory to use, bytes.
     pub memory_limit_bytes: Option<u64>,
+    /// How often the light so far is written, seconds.
+    pub snapshot_every_s: Option<f64>,
     /// A relaxation was asked for that the solver has no use for.
     idle_relaxation: bool,
 }
@@ -50,7 +52,7 @@ pub enum Refusal {
 impl Job {
     /// What `args` mean.
     pub fn new(args: &BakeArgs) -> Self {
-        let BakeArgs { input, quality, output, atlas, scene, solve, effects, run } = args;
+        let BakeArgs { input, quality, tolerance, time, output, atlas, scene, solve, effects, run } = args;
         let mut light = quality.0.light();
         light.solve.solver = solve.solver.0;
         light.solve.form_factors = solve.form_factors.0;
@@ -61,6 +63,11 @@ impl Job {
             import: scene.import(),
             atlas: atlas.atlas(),
             light,
+            goal: match (tolerance, time) {
+                (Some(share), _) => Goal::Tolerance(*share),
+                (None, Some(seconds)) => Goal::Seconds(*seconds),
+                (None, None) => Goal::Effort,
+            },
             effects: effects.effects.0.forced(),
             export: ExportOptions {
                 output: output.output.clone(),
@@ -89,6 +96,7 @@ impl Job {
             verbosity,
             threads: run.threads.map(usize::from),
             memory_limit_bytes: run.memory,
+            snapshot_every_s: run.snapshot_every,
             idle_relaxation: solve.relaxation.is_some() && solve.solver.0 != Solver::Matrix,
         }
     }
@@ -178,7 +186,8 @@ mod tests {
                      --solver matrix --relaxation sor --form-factors hemicube --effects all";
         let Job { options, report, verbosity, threads, memory_limit_bytes, .. } =
             job(&typed.split_whitespace().collect::<Vec<_>>());
-        let BakeOptions { import, atlas, light, effects, export } = options;
+        let BakeOptions { import, atlas, light, goal, effects, export } = options;
+        assert_eq!(goal, Goal::Effort);
         assert_eq!(export.output, Some("a.glb".into()));
         assert_eq!(export.preview, Some("b.glb".into()));
         assert_eq!(export.picture, Some("d.png".into()));

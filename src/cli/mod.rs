@@ -4,6 +4,7 @@
 //! command runs ([`bake`], [`render`], [`check`]). Everything for the eye goes to standard error; standard output carries only what was
 //! asked to go there (`--report -`, help), so it can be piped.
 
+mod amounts;
 pub mod args;
 pub mod bake;
 pub mod check;

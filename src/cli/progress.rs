@@ -1,15 +1,15 @@
 //! The bar: one line on a terminal, nothing in a pipe.
 
-use super::estimate::Estimate;
+use super::estimate::{Estimate, toward_error, within_time};
 use super::failure::say;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use lightkiln::options::LightOptions;
+use lightkiln::options::{BakeOptions, Goal};
 use lightkiln::progress::{Observer, Stage};
 use lightkiln::text;
 use std::io::IsTerminal as _;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -45,25 +45,31 @@ struct Shared {
     start: Instant,
     lines: bool,
     estimate: Mutex<Estimate>,
+    goal: Goal,
+    first_error: OnceLock<f64>,
     stage: Mutex<Option<Stage>>,
     done: AtomicU64,
     total: AtomicU64,
     unshot_bits: AtomicU64,
+    error_bits: AtomicU64,
     stopping: AtomicBool,
 }
 
 impl Display {
     /// A bar if standard error is a terminal; a line per stage if it is not and `verbosity` asks for everything.
-    pub fn new(verbosity: Verbosity, light: &LightOptions) -> Self {
+    pub fn new(verbosity: Verbosity, options: &BakeOptions) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let shared = Arc::new(Shared {
             start: Instant::now(),
             lines: verbosity == Verbosity::Verbose && !terminal,
-            estimate: Mutex::new(Estimate::new(light)),
+            estimate: Mutex::new(Estimate::new(&options.light)),
+            goal: options.goal,
+            first_error: OnceLock::new(),
             stage: Mutex::new(None),
             done: AtomicU64::new(0),
             total: AtomicU64::new(0),
             unshot_bits: AtomicU64::new(f64::NAN.to_bits()),
+            error_bits: AtomicU64::new(f64::NAN.to_bits()),
             stopping: AtomicBool::new(false),
         });
         let visible = terminal && verbosity >= Verbosity::Normal;
@@ -120,6 +126,15 @@ impl Observer for Display {
     fn unshot(&self, fraction: f64) {
         self.shared.unshot_bits.store(fraction.to_bits(), Ordering::Relaxed);
     }
+
+    fn error(&self, share: f64) {
+        let shared = &self.shared;
+        shared.error_bits.store(share.to_bits(), Ordering::Relaxed);
+        shared.first_error.get_or_init(|| share);
+        if shared.lines {
+            say(&format!("{:8.2} s  error about {}", shared.seconds(), text::percent(share)));
+        }
+    }
 }
 
 impl Shared {
@@ -132,11 +147,20 @@ impl Shared {
         let stage_share = if total > 0 { done as f64 / total as f64 } else { 0.0 };
         let standing = lock(&self.estimate).at(self.seconds(), stage_share);
         let unshot = f64::from_bits(self.unshot_bits.load(Ordering::Relaxed));
+        let error = f64::from_bits(self.error_bits.load(Ordering::Relaxed));
+        let standing = match self.goal {
+            Goal::Effort => standing,
+            Goal::Tolerance(wanted) => toward_error(self.first_error.get().copied(), error, wanted),
+            Goal::Seconds(seconds) => within_time(self.seconds(), seconds),
+        };
 
         let stage = *lock(&self.stage);
         let mut message = stage.map_or("", Stage::name).to_owned();
         if unshot.is_finite() {
             message += &format!(", {} unshot", text::percent(unshot));
+        }
+        if error.is_finite() {
+            message += &format!(", error about {}", text::percent(error));
         }
         if self.stopping.load(Ordering::Relaxed) {
             message += ", stopping: the solution so far is written";

@@ -3,6 +3,7 @@
 use super::progress::Verbosity;
 use super::values::Named as _;
 use lightkiln::Warning;
+use lightkiln::audit::Audit;
 use lightkiln::options::LampUnits;
 use lightkiln::report::{EnergyReport, Report};
 use lightkiln::text::{bytes, count, duration, percent, plural, printable, significant};
@@ -109,6 +110,18 @@ fn energy(out: &mut String, report: &Report) {
     {
         line(out, &format!("  {name:<10} {r:>12.5} {g:>12.5} {b:>12.5}"));
     }
+    if let Some(Audit { direct, solve, gather, uncertainty, between_texels, texels, .. }) =
+        report.light.error_parts
+    {
+        let parts = [("shadow borders", direct), ("patches", solve), ("gather", gather)];
+        let parts = parts.map(|(name, share)| format!("{name} {}", percent(share))).join(", ");
+        let (texels, doubt) = (plural(texels, "texel"), percent(uncertainty));
+        line(out, &format!("error by {texels} lit again, ± {doubt}: {parts}"));
+        line(
+            out,
+            &format!("between the texels' centres {} more, by the light's bends", percent(between_texels)),
+        );
+    }
     let (patches, elements) = (count(report.light.patches), count(report.atlas.elements));
     line(out, &format!("patches {patches}, elements {elements}"));
 }
@@ -132,6 +145,7 @@ fn warnings(out: &mut String, warnings: &[Warning], shown: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lightkiln::audit::Audit;
     use lightkiln::options::BakeOptions;
     use lightkiln::options::Effect;
     use lightkiln::plan::Finding;
@@ -170,6 +184,16 @@ mod tests {
                 unshot_fraction: 5e-4,
                 unshot_error_bound: Some(1e-3),
                 estimated_error: Some(0.011),
+                error_parts: Some(Audit {
+                    total: 0.011,
+                    direct: 0.004,
+                    solve: 0.002,
+                    gather: 0.0095,
+                    uncertainty: 0.001,
+                    between_texels: 0.02,
+                    texels: 400,
+                    rays: 50_000,
+                }),
             },
             effects: vec![Finding {
                 effect: Effect::Sky,

@@ -283,24 +283,6 @@ pub fn threads() -> RangedI64ValueParser<u16> {
     clap::value_parser!(u16).range(1..=1024)
 }
 
-/// A size with a binary unit, in bytes.
-pub fn memory_bytes(text: &str) -> Result<u64, String> {
-    const UNITS: [(&str, f64); 4] = [
-        ("kib", 1024.0),
-        ("mib", 1024.0 * 1024.0),
-        ("gib", 1024.0 * 1024.0 * 1024.0),
-        ("tib", 1024.0 * 1024.0 * 1024.0 * 1024.0),
-    ];
-    let lower = text.to_ascii_lowercase();
-    let bytes = UNITS
-        .iter()
-        .find_map(|(unit, factor)| Some(lower.strip_suffix(unit)?.trim().parse::<f64>().ok()? * factor));
-    match bytes {
-        Some(bytes) if bytes >= 1.0 && bytes < u64::MAX as f64 => Ok(bytes as u64),
-        _ => Err("expected a size with its unit, KiB, MiB, GiB or TiB, such as 4GiB".to_owned()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -356,15 +338,6 @@ mod tests {
         }
         for wrong in ["", "bright", "nan", "inf", "1000"] {
             assert!(exposure(wrong).is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn memory_needs_a_unit() {
-        assert_eq!(memory_bytes("4GiB"), Ok(4 << 30));
-        assert_eq!(memory_bytes("1.5 mib"), Ok(3 << 19));
-        for wrong in ["4", "4GB", "GiB", "-1GiB", "0KiB", "infGiB", "nanMiB", "99999999999TiB"] {
-            assert!(memory_bytes(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -78,8 +78,8 @@ struct Grid<'a> {
 
 /// The light of one block.
 pub struct LitBlock {
-    /// `(element, irradiance)` of every valid element inside.
-    pub lit: Vec<(u32, Irradiance)>,
+    /// `(element, irradiance, whether a shadow border of any emitter passes)` of every valid element inside.
+    pub lit: Vec<(u32, Irradiance, bool)>,
     /// The emitters that were asked, ascending.
     pub bright: Vec<u32>,
 }
@@ -120,7 +120,7 @@ pub fn light<T: Tracer>(
 ) -> LitBlock {
     let &With { elements, list, patterns } = with;
     let grid = Grid::new(elements, block, tracer.world());
-    let mut sum = vec![Irradiance::ZERO; grid.id.len()];
+    let mut sum = vec![(Irradiance::ZERO, false); grid.id.len()];
     let present: Vec<Receiver> =
         grid.inner().filter(|&i| grid.id[i] != NO_ELEMENT).map(|i| grid.receiver[i]).collect();
     let bright = list.bright_at(candidates, &present);
@@ -135,7 +135,8 @@ pub fn light<T: Tracer>(
             AnyEmitter::Sun(e) => work.add(e, &mut scratch, &mut sum, rays),
         }
     }
-    let lit = grid.inner().filter(|&i| grid.id[i] != NO_ELEMENT).map(|i| (grid.id[i], sum[i])).collect();
+    let lit = grid.inner().filter(|&i| grid.id[i] != NO_ELEMENT).map(|i| (grid.id[i], sum[i].0, sum[i].1));
+    let lit = lit.collect();
     LitBlock { lit, bright }
 }
 
@@ -167,14 +168,8 @@ impl<'a> Grid<'a> {
         let receiver = id
             .iter()
             .map(|&e| {
-                let e = if e == NO_ELEMENT { chart.elements.start } else { e } as usize;
-                let (position_world, normal) = (elements.position_world[e], elements.normal_geometric[e]);
-                Receiver {
-                    position_world,
-                    origin_world: world.offset_origin(elements.triangle[e], position_world, normal),
-                    normal_shading: elements.normal_shading[e],
-                    normal_geometric: elements.normal_geometric[e],
-                }
+                let present = if e == NO_ELEMENT { chart.elements.start } else { e };
+                Receiver::of(elements, present, world)
             })
             .collect();
         let origin_in_chart = [0, 1].map(|axis| origin[axis] - i32::from(chart.min[axis]));
@@ -204,22 +199,30 @@ impl<'a> Grid<'a> {
         Patterns::phase(x.rem_euclid(3) as usize, y.rem_euclid(3) as usize)
     }
 
-    /// How far samples may stray inside the texel: `(half u, half v, lift along the normal)`. On a curved surface the
-    /// tangent plane dips under its neighbours by less than half a texel times the sine of their angle: samples are
-    /// lifted by that; on a crease they stay in the middle.
     fn footprint(&self, i: usize) -> (Vec3, Vec3, f32) {
-        let normal = self.receiver[i].normal_geometric;
-        let around = self.neighbours(i).into_iter().filter(|&n| self.id[n] != NO_ELEMENT);
-        let straightest = around.map(|n| normal.dot(self.receiver[n].normal_geometric)).fold(1.0, f32::min);
-        if straightest < 0.85 {
-            return (Vec3::ZERO, Vec3::ZERO, 0.0);
-        }
-        let e = self.id[i] as usize;
-        let (u, v) = (self.elements.half_u_world[e], self.elements.half_v_world[e]);
-        let sine = (1.0 - straightest * straightest).max(0.0).sqrt();
-        let sine = if sine < 1e-3 { 0.0 } else { sine };
-        (u, v, sine * 0.5 * (u.length() + v.length()))
+        let around = self.neighbours(i).into_iter().map(|n| self.id[n]).filter(|&n| n != NO_ELEMENT);
+        footprint(self.elements, self.id[i], around)
     }
+}
+
+/// How far samples may stray inside the texel: `(half u, half v, lift along the normal)`. On a curved surface the
+/// tangent plane dips under its neighbours by less than half a texel times the sine of their angle: samples are
+/// lifted by that; on a crease they stay in the middle.
+pub(super) fn footprint(
+    elements: &Elements,
+    element: u32,
+    around: impl Iterator<Item = u32>,
+) -> (Vec3, Vec3, f32) {
+    let e = element as usize;
+    let normal = elements.normal_geometric[e];
+    let straightest = around.map(|n| normal.dot(elements.normal_geometric[n as usize])).fold(1.0, f32::min);
+    if straightest < 0.85 {
+        return (Vec3::ZERO, Vec3::ZERO, 0.0);
+    }
+    let (u, v) = (elements.half_u_world[e], elements.half_v_world[e]);
+    let sine = (1.0 - straightest * straightest).max(0.0).sqrt();
+    let sine = if sine < 1e-3 { 0.0 } else { sine };
+    (u, v, sine * 0.5 * (u.length() + v.length()))
 }
 
 /// Rows of one emitter's pass, reused.
@@ -248,12 +251,19 @@ struct Work<'a, T> {
 }
 
 impl<T: Tracer> Work<'_, T> {
-    fn add<E: Emitter>(&self, emitter: &E, scratch: &mut Scratch, sum: &mut [Irradiance], rays: &mut u64) {
+    fn add<E: Emitter>(
+        &self,
+        emitter: &E,
+        scratch: &mut Scratch,
+        sum: &mut [(Irradiance, bool)],
+        rays: &mut u64,
+    ) {
         self.probe(emitter, scratch, rays);
         self.refine(emitter, scratch, rays);
         for i in self.grid.inner() {
             let open = scratch.unoccluded[i];
-            sum[i] += match (scratch.refined[i], scratch.class[i]) {
+            sum[i].1 |= scratch.refined[i];
+            sum[i].0 += match (scratch.refined[i], scratch.class[i]) {
                 (true, _) => Irradiance(open.0 * self.smoothed(emitter, scratch, i)),
                 (false, Class::Lit) => Irradiance(open.0 * scratch.ratio[i]),
                 (false, _) => Irradiance::ZERO,
@@ -360,12 +370,16 @@ impl<T: Tracer> Work<'_, T> {
     }
 
     /// The refined visibility; inside a wide penumbra the mean of the 3×3 neighbourhood, whose nine sample sets
-    /// differ, so that no grain is left. A linear ramp is its own mean: nothing is blurred.
+    /// differ, so that no grain is left. A linear ramp is its own mean: nothing is blurred. Where the mean is further
+    /// from the texel's own value than samples err, the ramp bends, and the value stays.
     fn smoothed<E: Emitter>(&self, emitter: &E, scratch: &Scratch, i: usize) -> Vec3 {
         let around = self.grid.neighbours(i);
         if emitter.is_sharp() || self.patterns.everywhere || !around.iter().all(|&n| scratch.refined[n]) {
             return scratch.ratio[i];
         }
-        (around.iter().map(|&n| scratch.ratio[n]).sum::<Vec3>() + scratch.ratio[i]) / 9.0
+        let own = scratch.ratio[i];
+        let mean = (around.iter().map(|&n| scratch.ratio[n]).sum::<Vec3>() + own) / 9.0;
+        let grain = (mean - own).abs().max_element() <= self.patterns.visibility_error;
+        if grain { mean } else { own }
     }
 }

@@ -116,6 +116,15 @@ impl AnyEmitter {
         }
     }
 
+    /// See [`Emitter::is_sharp`].
+    pub(super) fn is_sharp(&self) -> bool {
+        match self {
+            Self::Area(e) => e.is_sharp(),
+            Self::Point(e) => e.is_sharp(),
+            Self::Sun(e) => e.is_sharp(),
+        }
+    }
+
     /// A light of this kind that sends nothing, in the middle of the scene.
     fn black(kind: Effect) -> Option<Self> {
         let point = |cone| {

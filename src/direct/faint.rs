@@ -1,6 +1,7 @@
 //! The sum of many faint emitters at one place, by few rays.
 
 use super::emitters::EmitterList;
+use super::index::Index;
 use super::{Block, Direct, Receiver};
 use crate::elements::Elements;
 use crate::sampling::{seeded, sobol4};
@@ -20,8 +21,7 @@ pub struct Faint<'a> {
     elements: &'a Elements,
     emitters: &'a EmitterList,
     direct: &'a Direct,
-    /// First block of each chart.
-    first_block: Vec<u32>,
+    blocks: Index,
     points: Vec<[f32; 4]>,
 }
 
@@ -38,43 +38,21 @@ impl<'a> Faint<'a> {
         if direct.blocks.iter().zip(&direct.bright).all(all_bright) {
             return None;
         }
-        let mut first_block = vec![0; elements.charts.len() + 1];
-        for block in &direct.blocks {
-            first_block[block.chart as usize + 1] += 1;
-        }
-        for i in 1..first_block.len() {
-            first_block[i] += first_block[i - 1];
-        }
+        let blocks = Index::new(elements, &direct.blocks);
         // Along the list the samples lie in the same place of equal strata, by default in the centre; across an emitter
         // they follow Sobol's sequence.
         let mut points = sobol4(RAYS, 0, seeded(seed, 6));
         let place = if seed == 0 { 0.5 } else { points[0][0] };
         points.iter_mut().enumerate().for_each(|(i, p)| p[0] = (i as f32 + place) / RAYS as f32);
-        Some(Self { elements, emitters, direct, first_block, points })
-    }
-
-    /// The block an element lies in.
-    fn block_of(&self, element: u32) -> usize {
-        let chart = self.elements.chart[element as usize] as usize;
-        let texel = self.elements.texel[element as usize];
-        let inside =
-            |b: &Block| (b.min[0]..b.max[0]).contains(&texel.x) && (b.min[1]..b.max[1]).contains(&texel.y);
-        let (from, to) = (self.first_block[chart] as usize, self.first_block[chart + 1] as usize);
-        from + self.direct.blocks[from..to].iter().position(inside).unwrap_or(0)
+        Some(Self { elements, emitters, direct, blocks, points })
     }
 
     /// Irradiance of an element from the emitters that its block calls faint, and the rays that took.
     pub fn irradiance<T: Tracer>(&self, element: u32, tracer: &T) -> (Irradiance, u64) {
         let e = element as usize;
-        let bright = &self.direct.bright[self.block_of(element)];
+        let bright = &self.direct.bright[self.blocks.block_of(self.elements, &self.direct.blocks, element)];
         let candidates = self.direct.candidates(self.elements.chart[e]);
-        let (position_world, normal) = (self.elements.position_world[e], self.elements.normal_geometric[e]);
-        let receiver = Receiver {
-            position_world,
-            origin_world: tracer.world().offset_origin(self.elements.triangle[e], position_world, normal),
-            normal_shading: self.elements.normal_shading[e],
-            normal_geometric: normal,
-        };
+        let receiver = Receiver::of(self.elements, element, tracer.world());
         let mut open = Vec::with_capacity(candidates.len());
         let mut total = 0.0_f64;
         for &k in candidates {

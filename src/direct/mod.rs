@@ -6,15 +6,18 @@
 //! hundreds of emitters reach a place, each of the faint ones adds so little that its shadow borders cannot be
 //! seen: their sum is smooth too, and is left to the nodes of the gather ([`Faint`]).
 
+mod again;
 mod area;
 mod block;
 mod emitters;
 mod faint;
+mod index;
 mod penumbra;
 mod point;
 mod sky;
 mod sun;
 
+pub use again::Again;
 pub use block::Block;
 pub use emitters::{EmitterList, collect};
 pub use faint::Faint;
@@ -23,7 +26,7 @@ use crate::elements::Elements;
 use crate::options::DirectOptions;
 use crate::plan::{Plan, Rooms};
 use crate::progress::Progress;
-use crate::transport::{ClearTracer, Ray, Tracer};
+use crate::transport::{ClearTracer, Ray, Tracer, World};
 use crate::units::Irradiance;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -40,6 +43,20 @@ pub struct Receiver {
     pub normal_shading: Vec3,
     /// The normal of the plane: light from behind it does not count.
     pub normal_geometric: Vec3,
+}
+
+impl Receiver {
+    /// An element's own place.
+    pub(super) fn of(elements: &Elements, element: u32, world: &World) -> Self {
+        let e = element as usize;
+        let (position_world, normal_geometric) = (elements.position_world[e], elements.normal_geometric[e]);
+        Self {
+            position_world,
+            origin_world: world.offset_origin(elements.triangle[e], position_world, normal_geometric),
+            normal_shading: elements.normal_shading[e],
+            normal_geometric,
+        }
+    }
 }
 
 /// A ray towards a point of an emitter, and what that point would contribute unoccluded.
@@ -67,6 +84,8 @@ pub trait Emitter: Sync {
 pub struct Direct {
     /// Irradiance from the bright emitters of each element's block, one row an element.
     pub irradiance: Vec<Irradiance>,
+    /// Whether the border of a bright emitter's shadow passes an element or one next to it, one row an element.
+    pub refined: Vec<bool>,
     /// The blocks the charts were cut into, ascending by chart.
     pub blocks: Vec<Block>,
     /// For each block the emitters that `irradiance` holds, ascending; the others in its rooms are faint there.
@@ -117,6 +136,7 @@ pub fn light<T: Tracer>(
     let (candidates, candidates_of_chart) = candidates(elements, emitters, &plan.rooms);
     let mut direct = Direct {
         irradiance: vec![Irradiance::ZERO; elements.len()],
+        refined: vec![false; elements.len()],
         bright: Vec::with_capacity(blocks.len()),
         candidates,
         candidates_of_chart,
@@ -157,7 +177,10 @@ pub fn light<T: Tracer>(
                 continue;
             };
             direct.rays += rays;
-            lit.lit.iter().for_each(|&(id, value)| direct.irradiance[id as usize] = value);
+            for &(id, value, refined) in &lit.lit {
+                direct.irradiance[id as usize] = value;
+                direct.refined[id as usize] = refined;
+            }
             direct.bright.push(lit.bright);
         }
     }

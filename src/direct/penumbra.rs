@@ -17,6 +17,10 @@ pub struct Patterns {
     pub sharp_probes: usize,
     /// Whether every texel counts as one that a shadow border passes, and none is averaged with its neighbours.
     pub everywhere: bool,
+    /// Standard error of a visible share found by one set of the refinement. The border of a shadow cuts the four
+    /// dimensions of texel and emitter into two parts; of n cells that n well-spread points stand for it passes through
+    /// about n^(3/4), each of which errs by up to a half: n^(3/8) / (2n).
+    pub visibility_error: f32,
 }
 
 impl Patterns {
@@ -31,7 +35,8 @@ impl Patterns {
                 (0..probe_rays as usize).map(|i| [all[i * phases + k][0], all[i * phases + k][1]]).collect()
             })
             .collect();
-        let base = sobol4(options.penumbra_rays.max(4), 0, seeded(seed, 2));
+        let refine_rays = options.penumbra_rays.max(4);
+        let base = sobol4(refine_rays, 0, seeded(seed, 2));
         let refine = (0..phases)
             .map(|k| {
                 let k = k as f32;
@@ -41,7 +46,8 @@ impl Patterns {
             })
             .collect();
         let sharp_probes = if sharp_as_soft { probe_rays as usize } else { 1 };
-        Self { probe, refine, sharp_probes, everywhere: options.probe_rays == 0 }
+        let visibility_error = 0.5 * (refine_rays as f32).powf(-0.625);
+        Self { probe, refine, sharp_probes, everywhere: options.probe_rays == 0, visibility_error }
     }
 
     /// The phase of a texel.

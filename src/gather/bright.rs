@@ -5,6 +5,7 @@
 //! patch leaves no pattern. Nothing is counted twice: a ray that hits it brings nothing.
 
 use crate::elements::{Elements, Patches};
+use crate::sampling::mixed;
 use crate::transport::form_factors::polygon::point_to_polygon_shaded;
 use crate::transport::{Tracer, segment_to_surface};
 use crate::units::{Irradiance, Radiosity};
@@ -17,6 +18,7 @@ const MOST_SHARE: u32 = 4;
 /// A patch fills its rectangle of texels at least to this share.
 const FULL: f64 = 0.8;
 
+#[derive(Clone)]
 struct Shooter {
     patch: u32,
     corners: [Vec3; 4],
@@ -30,6 +32,8 @@ struct Shooter {
 /// Flat rectangular patches that are shot.
 pub struct Bright {
     shooters: Vec<Shooter>,
+    /// Where the rays for visibility go: to the middle of a patch, or anywhere on it.
+    anywhere: Option<u32>,
 }
 
 impl Bright {
@@ -62,7 +66,12 @@ impl Bright {
         for shooter in &shooters {
             patches.elements_of(shooter.patch).iter().for_each(|&e| radiosity[e as usize] = Radiosity::ZERO);
         }
-        (!shooters.is_empty()).then_some(Self { shooters })
+        (!shooters.is_empty()).then_some(Self { shooters, anywhere: None })
+    }
+
+    /// The same, but rays for visibility go to some point of a patch, other ones for every element and `seed`.
+    pub fn aimed_anywhere(&self, seed: u32) -> Self {
+        Self { shooters: self.shooters.clone(), anywhere: Some(seed) }
     }
 
     /// What all of them send to an element, and the rays that took.
@@ -72,7 +81,7 @@ impl Bright {
         let shading = elements.normal_shading[e];
         let origin = tracer.world().offset_origin(elements.triangle[e], position, normal);
         let (mut sum, mut rays) = (Vec3::ZERO, 0);
-        for shooter in &self.shooters {
+        for (number, shooter) in (0..).zip(&self.shooters) {
             if (shooter.centre - position).dot(shooter.normal) >= 0.0 {
                 continue;
             }
@@ -83,8 +92,13 @@ impl Bright {
                 &shooter.corners_exact,
             ) as f32;
             if factor > 0.0 {
-                let [a, b, c, _] = shooter.corners;
-                let ray = segment_to_surface(origin, shooter.centre, shooter.normal, &[a, b, c]);
+                let [a, b, c, d] = shooter.corners;
+                let target = self.anywhere.map_or(shooter.centre, |seed| {
+                    let bits = mixed(seed ^ mixed(element ^ mixed(number)));
+                    let (s, t) = ((bits >> 16) as f32 / 65536.0, (bits & 0xffff) as f32 / 65536.0);
+                    a.lerp(b, s).lerp(d.lerp(c, s), t)
+                });
+                let ray = segment_to_surface(origin, target, shooter.normal, &[a, b, c]);
                 sum += shooter.radiosity * factor * tracer.transmittance(&ray);
                 rays += 1;
             }

@@ -96,7 +96,7 @@ pub(super) fn fill<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
         }
         spread(elements, &finished, &mut state);
     }
-    Indirect { nodes: state.nodes, rays: state.rays, irradiance: state.value }
+    Indirect { gathered: state.gathered, nodes: state.nodes, rays: state.rays, irradiance: state.value }
 }
 
 fn exported(elements: &Elements) -> impl Iterator<Item = u32> + use<'_> {
@@ -214,9 +214,10 @@ fn evaluate<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
         if progress.cancelled() {
             return;
         }
-        let gathered: Vec<(Gathered, u64)> =
-            batch.par_iter().map(|&e| set.gather(elements, e, around)).collect();
-        for (&e, (gathered, rays)) in batch.iter().zip(gathered) {
+        let one = |&e: &u32| (!progress.cancelled()).then(|| set.gather(elements, e, around));
+        let gathered: Vec<Option<(Gathered, u64)>> = batch.par_iter().map(one).collect();
+        for (&e, gathered) in batch.iter().zip(gathered) {
+            let Some((gathered, rays)) = gathered else { continue };
             state.rays += rays;
             state.value[e as usize] = gathered.irradiance;
             state.distance_m[e as usize] = gathered.distance_m;
@@ -224,6 +225,7 @@ fn evaluate<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
         }
         state.nodes += batch.len() as u64;
         progress.advance(batch.len() as u64);
+        progress.glimpse(&state.value);
     }
 }
 

@@ -45,6 +45,8 @@ pub struct Surroundings<'a, T, S> {
 pub struct Indirect {
     /// Irradiance that did not come straight from a bright emitter, one row an element.
     pub irradiance: Vec<Irradiance>,
+    /// Whether an element sent gather rays, one row an element; the others were interpolated.
+    pub gathered: Vec<bool>,
     /// Elements that sent gather rays.
     pub nodes: u64,
     /// Rays sent.

@@ -7,7 +7,7 @@ use super::{Axis, Cell, Figure, Look, Row, Series, Sheet, Study};
 use crate::bake::{Lit, Run, light};
 use crate::error::Result;
 use crate::forecast::{Forecast, forecast};
-use crate::options::{BakeOptions, Effect, Forced};
+use crate::options::{BakeOptions, Effect, Forced, LightOptions};
 use crate::plan::{Finding, Wanted, plan};
 use crate::scene::Scene;
 use crate::text;
@@ -114,7 +114,9 @@ impl Trial {
 
 /// Bakes a scene in all ways.
 pub fn compare(subject: &Subject, options: &BakeOptions, run: &Run) -> Result<Outcome> {
-    let with = |forced: Forced| BakeOptions { effects: forced, ..options.clone() };
+    // What the light is off by is not the question here.
+    let light = LightOptions { audit_share: 0.0, ..options.light.clone() };
+    let with = |forced: Forced| BakeOptions { effects: forced, light: light.clone(), ..options.clone() };
     let (seconds, lit) = timed(&subject.scene, &with(Forced::none()), run)?;
     let planned = Trial {
         effect: None,

@@ -1,0 +1,130 @@
+//! How far off the light is, found out before anybody else does.
+//!
+//! A few hundred texels, drawn from classes of texels that err alike, are lit twice more with samples of their own. If
+//! E is the stored value and A and B are independent and right on average, (E − A)(E − B) is right on average for the
+//! squared error: the noise of A and B falls out, however coarse they are. So each of three parts is judged, whose
+//! samples know nothing of each other, so that squares add up: direct light (shadow borders), gathers (few rays,
+//! interpolation), and the coarse solution that gather rays see, where a gather at what they meet knows better.
+//!
+//! What gathers are off by cannot be less than what as many rays of a witness are off by, which the difference of A and B
+//! tells without anything cancelling: where few texels leave the product uncertain, that is its floor.
+//!
+//! *Error* is the root mean square over all valid texels of exported pages of what a texel's irradiance (mean of the
+//! channels) is off by, divided by the mean irradiance of these texels; texels count alike, whatever their area.
+
+mod between;
+mod survey;
+mod witness;
+
+pub use witness::{Lit, Reflections};
+
+use crate::elements::Elements;
+use crate::progress::Progress;
+use crate::transport::Tracer;
+use between::between_texels;
+use survey::{Found, Sampling, roughness, survey};
+use witness::Witness;
+
+/// Rays that are worth it however few the bake took.
+pub const LEAST_RAYS: u64 = 120_000;
+/// Shares of the rays: direct light, gathers, the coarse solution.
+const SHARES: [f64; 3] = [0.2, 0.45, 0.35];
+/// Texels of every class to begin with.
+const FIRST: [usize; 3] = [24, 8, 8];
+
+/// What was found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Audit {
+    /// The error, all sources; see the module.
+    pub total: f64,
+    /// The part of the direct light: its shadow borders.
+    pub direct: f64,
+    /// The part of the coarse solution that gather rays see.
+    pub solve: f64,
+    /// The part of the gathers: few rays, interpolation.
+    pub gather: f64,
+    /// Standard error of `total`.
+    pub uncertainty: f64,
+    /// Not a part of `total`: what a lookup between the texels' centres is off by, were they exact. Only more texels
+    /// make it less.
+    pub between_texels: f64,
+    /// Texels that were lit again.
+    pub texels: u64,
+    /// Rays sent.
+    pub rays: u64,
+}
+
+/// What an audit may cost, and what for.
+#[derive(Clone, Copy, Debug)]
+pub struct Wanted {
+    /// About the most rays.
+    pub rays: u64,
+    /// Errors far below this one need not be told from nothing.
+    pub resolution: f64,
+    /// Of the samples.
+    pub seed: u32,
+}
+
+/// Estimates the error of `lit`, with as few rays as are enough. `None` where nothing is lit, or when the caller stops it.
+pub fn audit<T: Tracer>(lit: &Lit<T>, wanted: Wanted, progress: &mut Progress) -> Option<Audit> {
+    let texels = exported(lit.elements);
+    let mean = mean(lit, &texels);
+    if !(mean > 0.0 && mean.is_finite()) {
+        return None;
+    }
+    let limit = wanted.rays.max(LEAST_RAYS);
+    progress.restart(limit);
+    let rough = roughness(lit, &texels, mean);
+    // At contacts with other objects light bends, and patches end: few texels there make most of the error.
+    let among = |e: usize| u8::from(lit.elements.among_others[e]);
+    let parted = |kind: &dyn Fn(usize) -> u8| -> Vec<u8> {
+        texels.iter().zip(&rough).map(|(&e, &rough)| 4 * rough + kind(e as usize)).collect()
+    };
+    let witness = Witness::new(lit, wanted.seed);
+    let sampling = |class, k: usize| Sampling {
+        texels: &texels,
+        class,
+        first: FIRST[k],
+        rays: (limit as f64 * SHARES[k]) as u64,
+        resolution: (wanted.resolution * mean).powi(2) / 2.0,
+    };
+    let refined = parted(&|e| u8::from(lit.direct.refined[e]));
+    let direct = survey(&sampling(&refined, 0), |e| witness.direct_off(e), progress)?;
+    let (mut gather, mut solve) = (Found::default(), Found::default());
+    if let Some(reflections) = &lit.reflections {
+        let nodes = parted(&|e| 2 * among(e) + u8::from(reflections.gathered[e]));
+        gather = survey(&sampling(&nodes, 1), |e| witness.gather_off(reflections, e), progress)?;
+        gather.square = gather.square.max(gather.noise * witness::noise_to_stage(reflections.rays));
+        if reflections.coarse.is_some() {
+            let contacts = parted(&among);
+            solve = survey(&sampling(&contacts, 2), |e| witness.solve_off(reflections, e), progress)?;
+        }
+    }
+    let parts = [direct, gather, solve];
+    let square = parts.map(|part| part.square.max(0.0));
+    let total = square.iter().sum::<f64>();
+    let doubt = parts.map(|part| part.doubt.powi(2)).iter().sum::<f64>().sqrt();
+    let [direct, gather, solve] = square.map(|square| square.sqrt() / mean);
+    Some(Audit {
+        total: total.sqrt() / mean,
+        direct,
+        solve,
+        gather,
+        // Of a root, half the share; of nothing, as much as would be told from nothing.
+        uncertainty: if total > doubt { doubt / (2.0 * total.sqrt()) } else { doubt.sqrt() / 2.0 } / mean,
+        between_texels: between_texels(lit, &texels, mean),
+        texels: parts.iter().map(|part| part.texels).sum(),
+        rays: parts.iter().map(|part| part.rays).sum(),
+    })
+}
+
+/// Valid elements of exported pages.
+fn exported(elements: &Elements) -> Vec<u32> {
+    let charts = elements.charts.iter().filter(|chart| chart.exported);
+    charts.flat_map(|chart| chart.elements.clone()).filter(|&e| elements.valid[e as usize]).collect()
+}
+
+fn mean<T>(lit: &Lit<T>, texels: &[u32]) -> f64 {
+    let all: f64 = texels.iter().map(|&e| f64::from(lit.irradiance(e).mean())).sum();
+    all / texels.len().max(1) as f64
+}

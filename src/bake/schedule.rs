@@ -1,0 +1,206 @@
+//! How much effort goes into the next pass: from coarse to fine, until the goal is met.
+
+use super::Log;
+use super::passes::Pass;
+use crate::audit::Audit;
+use crate::error::Warning;
+use crate::options::{BakeOptions, Effort, ErrorBudget, Errors, Goal, LightOptions};
+use crate::progress::Stage;
+use crate::text;
+
+/// A pass to a tolerance begins so many rungs below where it is likely to end: a look costs a fraction of the rest.
+const LOOK_BELOW: f64 = 1.5;
+/// Passes to a tolerance, at the most.
+const MOST_PASSES: usize = 8;
+/// A pass that brings the error below this share of the last one's was worth it.
+const WORTHWHILE: f64 = 0.92;
+/// The smallest step up that is worth a pass.
+const LEAST_STEP: f64 = 0.5;
+/// A pass that takes longer than this many times the last one is not foretold well: one between them comes first.
+const FAR: f64 = 8.0;
+/// Forecasts are trusted to this share.
+const TRUST: f64 = 0.9;
+/// An audit is given this share of the time that is left, and what the last one took at least.
+const AUDIT_TIME: f64 = 0.07;
+
+/// Above this rung what few probes miss, shadows smaller than a texel, is more than what shadow rays err.
+const REFINED_EVERYWHERE: f64 = 2.0;
+/// Where it decides what comes next, an audit may take this many times what it may otherwise.
+const DECIDING: f64 = 3.0;
+/// A tolerance is reached when the error is below it, and even with what the estimate may be off by below this many times.
+const SURELY: f64 = 1.25;
+
+/// What audits may cost, as a share of the rays, and the error that they must tell from nothing.
+pub fn audit(options: &BakeOptions) -> (f64, f64) {
+    match options.goal {
+        Goal::Tolerance(wanted) => {
+            let share = options.light.audit_share.max(LightOptions::default().audit_share);
+            (DECIDING * f64::from(share), wanted)
+        }
+        Goal::Effort | Goal::Seconds(_) => (f64::from(options.light.audit_share), 0.0),
+    }
+}
+
+const STAGES: [Stage; 3] = [Stage::Direct, Stage::Solve, Stage::Gather];
+
+/// Decides.
+pub struct Schedule<'a> {
+    options: &'a BakeOptions,
+    /// Passes so far.
+    passes: usize,
+    effort: Effort,
+    /// Seconds of the light stages and the audit before the last pass.
+    before_s: [f64; 4],
+    /// Seconds of the last audit.
+    audit_s: f64,
+    last_error: Option<f64>,
+    idle: usize,
+    /// Whether a glance at the whole comes before the work.
+    look_first: bool,
+    pub warnings: Vec<Warning>,
+}
+
+impl<'a> Schedule<'a> {
+    /// `look_first`: somebody wants to see something soon.
+    pub fn new(options: &'a BakeOptions, look_first: bool) -> Self {
+        Self {
+            options,
+            passes: 0,
+            effort: Effort::all(0.0),
+            before_s: [0.0; 4],
+            audit_s: 0.0,
+            last_error: None,
+            idle: 0,
+            look_first,
+            warnings: Vec::new(),
+        }
+    }
+
+    /// The settings of the first pass.
+    pub fn first(&mut self, log: &Log) -> LightOptions {
+        (self.passes, self.before_s) = (1, spent(log));
+        match self.options.goal {
+            Goal::Effort if !self.draft_first() => return self.options.light.clone(),
+            Goal::Effort | Goal::Seconds(_) => {}
+            Goal::Tolerance(wanted) => self.effort = ErrorBudget::new(wanted).effort().raised(-LOOK_BELOW),
+        }
+        self.light()
+    }
+
+    /// The settings of the present effort.
+    fn light(&self) -> LightOptions {
+        let mut light = self.effort.light(&self.options.light);
+        if self.effort.direct > REFINED_EVERYWHERE {
+            light.direct.probe_rays = 0;
+        }
+        light
+    }
+
+    /// The settings of the next pass; `None` when there is to be none.
+    pub fn next(&mut self, last: &Pass, log: &Log) -> Option<LightOptions> {
+        if log.cancelled() {
+            return None;
+        }
+        let next = match self.options.goal {
+            Goal::Effort => (self.passes == 1 && self.draft_first()).then(|| self.options.light.clone()),
+            Goal::Tolerance(wanted) => self.of_tolerance(wanted, last.audit?),
+            Goal::Seconds(seconds) => self.of_seconds(seconds, last, log),
+        };
+        self.passes += 1;
+        self.before_s = spent(log);
+        next
+    }
+
+    /// Whether a draft comes before the effort that was asked for.
+    fn draft_first(&self) -> bool {
+        let wanted = &self.options.light;
+        self.look_first && wanted.gather.rays > Effort::all(0.0).light(wanted).gather.rays
+    }
+
+    /// When the next pass is cut short, in the clock's seconds; the first never is.
+    pub fn until(&self, log: &Log) -> Option<f64> {
+        match self.options.goal {
+            Goal::Seconds(seconds) if self.passes > 1 => {
+                let left = seconds - log.seconds();
+                Some(log.started + seconds - self.audit_s.max(AUDIT_TIME * left))
+            }
+            _ => None,
+        }
+    }
+
+    fn of_tolerance(&mut self, wanted: f64, audit: Audit) -> Option<LightOptions> {
+        let at_most = (audit.total.powi(2) + 2.0 * audit.total * audit.uncertainty).sqrt();
+        if audit.total <= wanted && at_most <= SURELY * wanted {
+            self.warnings.extend(coarse_texels(wanted, audit.between_texels));
+            return None;
+        }
+        let gained = self.last_error.is_none_or(|before| audit.total < WORTHWHILE * before);
+        self.idle = if gained { 0 } else { self.idle + 1 };
+        self.last_error = Some(audit.total);
+        if self.effort.is_most() || self.idle == 2 || self.passes == MOST_PASSES {
+            self.warnings.push(Warning::new(
+                "tolerance",
+                format!(
+                    "{} was asked for and about {} reached: more rays do not help",
+                    text::percent(wanted),
+                    text::percent(audit.total),
+                ),
+            ));
+            return None;
+        }
+        // What the estimate may be off by counts: where it is small enough but not surely, more effort makes it so.
+        let surely = if audit.total <= wanted { at_most / audit.total } else { 1.0 };
+        let [total, direct, solve, gather] =
+            [audit.total, audit.direct, audit.solve, audit.gather].map(|error| error * surely);
+        let found = Errors { total, direct, solve, gather };
+        self.effort = self.effort.towards(&found, wanted);
+        Some(self.light())
+    }
+
+    fn of_seconds(&mut self, seconds: f64, last: &Pass, log: &Log) -> Option<LightOptions> {
+        let now = spent(log);
+        self.audit_s = now[3] - self.before_s[3];
+        let left = seconds - log.seconds();
+        let left = left - self.audit_s.max(AUDIT_TIME * left);
+        if self.passes == 1 && left < 0.0 {
+            self.warnings.push(Warning::new(
+                "time",
+                format!("even a draft takes longer than the {seconds:.3} s it was given; this is one"),
+            ));
+        }
+        if left <= 0.0 || !last.whole || self.effort.is_most() {
+            return None;
+        }
+        let took: [f64; 3] = std::array::from_fn(|k| now[k] - self.before_s[k]);
+        let predicted = |by: f64| -> f64 {
+            let (from, to) = (self.effort, self.effort.raised(by));
+            took.iter().zip(to.cost_of(from)).map(|(seconds, growth)| seconds * growth).sum()
+        };
+        let highest = |limit: f64| {
+            let steps = (2..=36).map(|k| f64::from(k) / 4.0);
+            steps.take_while(|&by| predicted(by) <= limit).last().unwrap_or(LEAST_STEP)
+        };
+        let by =
+            if left > FAR * took.iter().sum::<f64>() { highest(left / FAR) } else { highest(TRUST * left) };
+        self.effort = self.effort.raised(by.max(LEAST_STEP));
+        Some(self.light())
+    }
+}
+
+/// Where texels are too coarse for the tolerance.
+fn coarse_texels(wanted: f64, between_texels: f64) -> Option<Warning> {
+    let told = || {
+        format!(
+            "the light is off by less than {} at the texels' centres, but by about {} between them: texels are too              few for it; raise --density or --page-size",
+            text::percent(wanted),
+            text::percent(between_texels),
+        )
+    };
+    (between_texels > wanted).then(|| Warning::new("texel density", told()))
+}
+
+/// Seconds that the light stages and the audit took so far.
+fn spent(log: &Log) -> [f64; 4] {
+    let [a, b, c] = STAGES.map(|stage| log.seconds_of(stage));
+    [a, b, c, log.seconds_of(Stage::Audit)]
+}

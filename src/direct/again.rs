@@ -1,0 +1,97 @@
+//! Direct light of single elements once more, with samples of their own: what the stage's result is judged by.
+
+use super::block::footprint;
+use super::emitters::EmitterList;
+use super::index::Index;
+use super::{Direct, Receiver};
+use crate::elements::{Elements, NO_ELEMENT};
+use crate::plan::Sight;
+use crate::sampling::sobol4;
+use crate::transport::Tracer;
+use crate::units::Irradiance;
+use glam::Vec3;
+
+/// Points that are asked where no shadow border was seen: all agree unless something was missed.
+const QUIET: usize = 16;
+
+/// Lights single elements with the emitters that are bright in their block.
+///
+/// No probes decide, no neighbours help: the visible share of every emitter is averaged over texel and emitter, with few
+/// rays where the stage saw no border of a shadow.
+pub struct Again<'a> {
+    elements: &'a Elements,
+    emitters: &'a EmitterList,
+    direct: &'a Direct,
+    sight: &'a Sight,
+    blocks: Index,
+}
+
+impl<'a> Again<'a> {
+    /// For what `direct` holds.
+    pub fn new(
+        elements: &'a Elements,
+        emitters: &'a EmitterList,
+        direct: &'a Direct,
+        sight: &'a Sight,
+    ) -> Self {
+        Self { elements, emitters, direct, sight, blocks: Index::new(elements, &direct.blocks) }
+    }
+
+    /// Irradiance of an element with `rays` shadow rays towards every emitter whose border passes, other ones for every
+    /// `seed`; and the rays that took.
+    pub fn irradiance<T: Tracer>(&self, element: u32, rays: u32, seed: u32, tracer: &T) -> (Irradiance, u64) {
+        let e = element as usize;
+        let block = self.blocks.block_of(self.elements, &self.direct.blocks, element);
+        let receiver = Receiver::of(self.elements, element, tracer.world());
+        let back = self.elements.charts[self.elements.chart[e] as usize].back;
+        let clear = self.sight.is_clear(self.elements.triangle[e], usize::from(back));
+        let refined = self.direct.refined[e];
+        let (half_u, half_v, lift) = self.footprint(element);
+        let points = sobol4(rays.max(4), 0, seed);
+        let points = if refined { &points[..] } else { &points[..points.len().min(QUIET)] };
+        let (mut sum, mut sent) = (Irradiance::ZERO, 0);
+        for &k in &self.direct.bright[block] {
+            let emitter = &self.emitters.emitters[k as usize];
+            let open = emitter.unoccluded(&receiver);
+            if open.0.max_element() <= 0.0 {
+                continue;
+            }
+            if clear {
+                sum += open;
+                continue;
+            }
+            let mut place = receiver;
+            let off = receiver.origin_world - receiver.position_world;
+            let centre = receiver.position_world + receiver.normal_geometric * lift;
+            let (mut all, mut passed) = (Vec3::ZERO, Vec3::ZERO);
+            for &[s, t, u, v] in points {
+                place.position_world = centre + half_u * (2.0 * s - 1.0) + half_v * (2.0 * t - 1.0);
+                place.origin_world = place.position_world + off;
+                let Some(shadow) = emitter.shadow_ray(&place, [u, v]) else { continue };
+                sent += u64::from(T::SENDS);
+                all += shadow.weight;
+                passed += shadow.weight * tracer.transmittance(&shadow.ray);
+                if half_u == Vec3::ZERO && emitter.is_sharp() {
+                    break;
+                }
+            }
+            let share = |k: usize| if all[k] > 0.0 { (passed[k] / all[k]).min(1.0) } else { 0.0 };
+            sum += Irradiance(open.0 * Vec3::new(share(0), share(1), share(2)));
+        }
+        (sum, sent)
+    }
+
+    fn footprint(&self, element: u32) -> (Vec3, Vec3, f32) {
+        let e = element as usize;
+        let chart = &self.elements.charts[self.elements.chart[e] as usize];
+        let page = &self.elements.pages[chart.page as usize];
+        let (texel, size) = (self.elements.texel[e], page.size_texels as i32);
+        let (x, y) = (i32::from(texel.x), i32::from(texel.y));
+        let beside = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy)));
+        let on_page = beside.filter(|&(x, y)| (0..size).contains(&x) && (0..size).contains(&y));
+        let around = on_page
+            .map(|(x, y)| page.element[(y * size + x) as usize])
+            .filter(|&n| n != NO_ELEMENT && chart.elements.contains(&n) && self.elements.valid[n as usize]);
+        footprint(self.elements, element, around)
+    }
+}

@@ -1,0 +1,258 @@
+//! One number for all effort: how far off the light may be.
+//!
+//! A level of quality and a tolerance both become an [`ErrorBudget`], which is split over the stages; what each may err
+//! becomes a place on that stage's ladder of effort ([`Effort`]), and the place its settings. The ladders' rungs are the
+//! levels; what a rung usually errs was measured on the fixtures, and only says where to begin: a bake to a tolerance
+//! measures, and goes on from there.
+
+use super::{DirectOptions, GatherOptions, LightOptions, Quality, SolveOptions};
+
+/// What the rungs usually err, as a share of the mean light: `study accuracy`, fixtures at 256².
+const USUAL: [f64; RUNGS] = [0.030, 0.021, 0.014, 0.006, 0.0026];
+const RUNGS: usize = 5;
+/// The highest places: there shadow rays, patches and gather rays are as many as is of any use.
+const MOST: Effort = Effort { direct: 7.0, solve: 5.0, gather: 6.5 };
+
+/// Shares of the mean square that stages may err: gathers are what costs.
+const SHARES: [f64; 3] = [0.25, 0.15, 0.6];
+/// Estimates are off themselves, so a little less than what is allowed is aimed at.
+const AIM: f64 = 0.85;
+
+/// Probe and shadow rays.
+const DIRECT: [[f64; 2]; RUNGS] = [[2.0, 16.0], [4.0, 32.0], [8.0, 64.0], [8.0, 128.0], [16.0, 256.0]];
+/// Patches, and rays of each.
+const SOLVE: [[f64; 2]; RUNGS] =
+    [[1000.0, 32.0], [2000.0, 32.0], [4000.0, 32.0], [8000.0, 64.0], [16000.0, 64.0]];
+/// Gather rays, and the difference of nodes that is interpolated over.
+const GATHER: [[f64; 2]; RUNGS] =
+    [[128.0, 0.12], [192.0, 0.08], [256.0, 0.05], [1024.0, 0.02], [4096.0, 0.008]];
+
+/// How far off the light may be: root mean squares as shares of the mean light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ErrorBudget {
+    /// In all.
+    pub total: f64,
+    /// Of it shadow borders,
+    pub direct: f64,
+    /// the coarse solution as seen by gathers,
+    pub solve: f64,
+    /// and the gathers.
+    pub gather: f64,
+}
+
+/// What an audit found, in the same parts.
+pub type Errors = ErrorBudget;
+
+/// A place on every stage's ladder: 0 is draft's, 4 reference's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Effort {
+    /// Shadow rays.
+    pub direct: f64,
+    /// Patches and their rays.
+    pub solve: f64,
+    /// Gather rays, and how far nodes stand apart.
+    pub gather: f64,
+}
+
+impl ErrorBudget {
+    /// So much in all, split as pays best.
+    pub fn new(total: f64) -> Self {
+        let [direct, solve, gather] = SHARES.map(|share| share.sqrt() * total);
+        Self { total, direct, solve, gather }
+    }
+
+    /// What a level usually errs.
+    pub fn of(quality: Quality) -> Self {
+        Self::new(USUAL[quality as usize])
+    }
+
+    /// The places where stages usually err as much.
+    pub fn effort(&self) -> Effort {
+        let [direct, solve, gather] = SHARES.map(f64::sqrt);
+        Effort {
+            direct: place(self.direct / direct),
+            solve: place(self.solve / solve),
+            gather: place(self.gather / gather),
+        }
+        .within_reach()
+    }
+}
+
+impl Effort {
+    /// All stages at one place.
+    pub fn all(place: f64) -> Self {
+        Self { direct: place, solve: place, gather: place }.within_reach()
+    }
+
+    /// Neither below draft nor beyond what is of use.
+    fn within_reach(self) -> Self {
+        Self {
+            direct: self.direct.clamp(0.0, MOST.direct),
+            solve: self.solve.clamp(0.0, MOST.solve),
+            gather: self.gather.clamp(0.0, MOST.gather),
+        }
+    }
+
+    /// Whether no stage could do more.
+    pub fn is_most(&self) -> bool {
+        *self == MOST
+    }
+
+    /// So many rungs higher, everywhere.
+    pub fn raised(self, by: f64) -> Self {
+        Self { direct: self.direct + by, solve: self.solve + by, gather: self.gather + by }.within_reach()
+    }
+
+    /// The settings; everything else is as in `base`.
+    pub fn light(&self, base: &LightOptions) -> LightOptions {
+        let whole = |x: f64| x.round().max(1.0) as u32;
+        let [probe, shadow] = between(&DIRECT, self.direct);
+        let [patches, rays_per_patch] = between(&SOLVE, self.solve);
+        let [rays, tolerance] = between(&GATHER, self.gather);
+        LightOptions {
+            direct: DirectOptions { probe_rays: whole(probe).min(64), penumbra_rays: whole(shadow) },
+            solve: SolveOptions {
+                patches: whole(patches),
+                rays_per_patch: whole(rays_per_patch).next_power_of_two(),
+                ..base.solve.clone()
+            },
+            gather: GatherOptions {
+                // Sobol's points are spread best by powers of two, and well by many of them.
+                rays: whole(rays / 32.0) * 32,
+                tolerance: tolerance as f32,
+                ..base.gather.clone()
+            },
+            ..base.clone()
+        }
+    }
+
+    /// How many times more than at `from` direct light, coarse solution and gather usually take.
+    pub fn cost_of(&self, from: Self) -> [f64; 3] {
+        let at = |effort: &Self| {
+            let [probe, shadow] = between(&DIRECT, effort.direct);
+            let [patches, rays_per_patch] = between(&SOLVE, effort.solve);
+            let [rays, tolerance] = between(&GATHER, effort.gather);
+            // A shadow border passes about every eighth texel. Nodes stand as far apart as the root of the tolerance
+            // allows for a bend, and along edges they do not thin out: between -1/2 and -1 by power.
+            [probe + 0.12 * shadow, patches * rays_per_patch, rays * tolerance.powf(-0.6)]
+        };
+        let (to, from) = (at(self), at(&from));
+        std::array::from_fn(|k| to[k] / from[k])
+    }
+
+    /// Where to go from here, where `found` was off by so much, to be off by no more than `wanted` in all. What a
+    /// stage does not need of its share is left to the others.
+    pub fn towards(self, found: &Errors, wanted: f64) -> Self {
+        let aim = (AIM * wanted).powi(2);
+        let off = [found.direct, found.solve, found.gather].map(|off| off.max(1e-9).powi(2));
+        let (mut left, mut shares, mut short) = (aim, 1.0, [true; 3]);
+        // Stages that err less than their share keep what they have, which leaves more for the others: at most twice.
+        for _ in 0..3 {
+            for k in 0..3 {
+                if short[k] && off[k] <= left * SHARES[k] / shares {
+                    (short[k], left, shares) = (false, left - off[k], shares - SHARES[k]);
+                }
+            }
+        }
+        let at = [self.direct, self.solve, self.gather];
+        let place: [f64; 3] = std::array::from_fn(|k| {
+            if !short[k] {
+                return at[k];
+            }
+            let allowed = (left.max(0.0) * SHARES[k] / shares).max(1e-18);
+            place(usual(at[k]) * (allowed / off[k]).sqrt())
+        });
+        Self { direct: place[0], solve: place[1], gather: place[2] }.within_reach()
+    }
+}
+
+/// A row of a ladder at a place: between its rungs, and beyond the last, in equal ratios.
+fn between<const N: usize>(rungs: &[[f64; N]; RUNGS], place: f64) -> [f64; N] {
+    let below = (place.max(0.0) as usize).min(RUNGS - 2);
+    let t = place.max(0.0) - below as f64;
+    if t == 0.0 || t == 1.0 {
+        return rungs[below + t as usize];
+    }
+    std::array::from_fn(|k| rungs[below][k] * (rungs[below + 1][k] / rungs[below][k]).powf(t))
+}
+
+/// What a place usually errs.
+fn usual(place: f64) -> f64 {
+    between(&USUAL.map(|error| [error]), place)[0]
+}
+
+/// The place that usually errs so much; below the first rung and beyond the last in their neighbours' ratios.
+fn place(error: f64) -> f64 {
+    // The errors of rungs are their places to the last bit, so that levels are what they are.
+    if let Some(rung) = USUAL.iter().position(|usual| (error / usual - 1.0).abs() < 1e-12) {
+        return rung as f64;
+    }
+    let below = (0..RUNGS - 2).find(|&k| error > USUAL[k + 1]).unwrap_or(RUNGS - 2);
+    below as f64 + (error / USUAL[below]).ln() / (USUAL[below + 1] / USUAL[below]).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_are_what_they_are() {
+        let told = |quality: Quality| {
+            let LightOptions { direct, solve, gather, .. } = quality.light();
+            let rays =
+                [direct.probe_rays, direct.penumbra_rays, solve.patches, solve.rays_per_patch, gather.rays];
+            (rays, gather.tolerance)
+        };
+        assert_eq!(told(Quality::Draft), ([2, 16, 1000, 32, 128], 0.12));
+        assert_eq!(told(Quality::Preview), ([4, 32, 2000, 32, 192], 0.08));
+        assert_eq!(told(Quality::Good), ([8, 64, 4000, 32, 256], 0.05));
+        assert_eq!(told(Quality::High), ([8, 128, 8000, 64, 1024], 0.02));
+        assert_eq!(told(Quality::Reference), ([16, 256, 16000, 64, 4096], 0.0));
+    }
+
+    #[test]
+    fn a_level_s_budget_is_that_level() {
+        for quality in [Quality::Draft, Quality::Preview, Quality::Good, Quality::High, Quality::Reference] {
+            let effort = ErrorBudget::of(quality).effort();
+            let level = quality as usize as f64;
+            for place in [effort.direct, effort.solve, effort.gather] {
+                assert!((place - level).abs() < 1e-9, "{quality:?}: {effort:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn places_and_errors_are_inverse_and_monotone() {
+        let mut before = f64::INFINITY;
+        for step in -10..=70 {
+            let at = f64::from(step) / 10.0;
+            let error = USUAL[0] * (USUAL[1] / USUAL[0]).powf(at.min(0.0)) * usual(at) / USUAL[0];
+            if at >= 0.0 {
+                assert!((place(usual(at)) - at).abs() < 1e-9, "{at}");
+            }
+            assert!(error < before, "{at}");
+            before = error;
+        }
+    }
+
+    #[test]
+    fn the_budget_s_parts_add_up() {
+        let ErrorBudget { total, direct, solve, gather } = ErrorBudget::new(0.01);
+        assert!((direct.hypot(solve).hypot(gather) - total).abs() < 1e-12);
+    }
+
+    #[test]
+    fn who_errs_works_more_and_who_does_not_stays() {
+        let found = Errors { total: 0.02, direct: 0.0005, solve: 0.001, gather: 0.02 };
+        let from = Effort::all(1.0);
+        let to = from.towards(&found, 0.01);
+        assert_eq!((to.direct, to.solve), (from.direct, from.solve));
+        // By the usual errors, gather's part comes down to what is left of the aim.
+        let left = (0.0085_f64.powi(2) - 0.0005_f64.powi(2) - 0.001_f64.powi(2)).sqrt();
+        assert!((0.02 * usual(to.gather) / usual(1.0) - left).abs() < 1e-9);
+        let all = Errors { total: 0.1, direct: 0.06, solve: 0.06, gather: 0.06 };
+        let to = from.towards(&all, 0.01);
+        assert!(to.direct > 2.0 && to.solve > 2.0 && to.gather > 2.0);
+        assert!(from.towards(&all, 1e-12).is_most());
+    }
+}
