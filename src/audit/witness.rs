@@ -125,7 +125,7 @@ impl<'a, T: Tracer> Witness<'a, T> {
         let stored = grey(from.irradiance[element as usize]);
         let seen = |hit: &Hit| self.place(from, hit).map_or(Radiosity::ZERO, |e| self.radiosity[e as usize]);
         self.twice(element, 2, |k, seed| {
-            let set = DirectionSet::new(rays(from.rays), seed);
+            let set = DirectionSet::new(rays(from.rays), seed, from.sky.is_lit());
             let (again, rays) = set.gather(self.lit.elements, element, &self.around(from, element, k, seen));
             (stored - grey(again.irradiance), rays)
         })
@@ -137,7 +137,7 @@ impl<'a, T: Tracer> Witness<'a, T> {
         let elements = self.lit.elements;
         let seen = |hit: &Hit| self.place(from, hit).map_or(Radiosity::ZERO, |e| self.radiosity[e as usize]);
         self.twice(element, 3, |k, seed| {
-            let set = DirectionSet::new(LOOKS, seed);
+            let set = DirectionSet::new(LOOKS, seed, false);
             let met = RefCell::new(Vec::with_capacity(set.len()));
             let note = |hit: &Hit| {
                 met.borrow_mut().push(self.place(from, hit));
@@ -154,7 +154,7 @@ impl<'a, T: Tracer> Witness<'a, T> {
                 if !elements.valid[at] || elements.reflectance[at].0 == Vec3::ZERO {
                     continue;
                 }
-                let set = DirectionSet::new(PLACE_RAYS, mixed(seed ^ number));
+                let set = DirectionSet::new(PLACE_RAYS, mixed(seed ^ number), from.sky.is_lit());
                 let (there, rays) = set.gather(elements, e, &self.around(from, e, k, seen));
                 let off = smooth[at] - there.irradiance;
                 excess += f64::from((elements.reflectance[at] * off).mean());

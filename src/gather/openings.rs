@@ -21,8 +21,6 @@ pub(super) struct Openings {
     side: usize,
     /// Cell of each direction.
     cell: Vec<u32>,
-    /// For each of [`FINENESS`] the directions of all cells, cell by cell.
-    finer: [Vec<Vec3>; 2],
 }
 
 /// What one gather has seen of the sky.
@@ -48,15 +46,14 @@ impl Openings {
         let side = 1_usize << (points.len().max(1).ilog2() / 2);
         let along = |x: f32| ((x * side as f32) as usize).min(side - 1);
         let cell = points.iter().map(|&[u, v]| (along(v) * side + along(u)) as u32).collect();
-        let finer = FINENESS.map(|fine| {
-            let at = |cell: usize, k: usize| (cell as f32 + (k as f32 + 0.5) / fine as f32) / side as f32;
-            let cells = (0..side).flat_map(|y| (0..side).map(move |x| (x, y)));
-            let inside = move |(x, y)| {
-                (0..fine * fine).map(move |k| cosine_hemisphere(at(x, k % fine), at(y, k / fine)))
-            };
-            cells.flat_map(inside).collect()
-        });
-        Self { side, cell, finer }
+        Self { side, cell }
+    }
+
+    /// The middles of `fine` × `fine` equal parts of a cell, as directions.
+    fn within(&self, cell: usize, fine: usize) -> impl Iterator<Item = Vec3> + use<> {
+        let side = self.side;
+        let at = move |cell: usize, k: usize| (cell as f32 + (k as f32 + 0.5) / fine as f32) / side as f32;
+        (0..fine * fine).map(move |k| cosine_hemisphere(at(cell % side, k % fine), at(cell / side, k / fine)))
     }
 
     /// A gather that has seen nothing yet.
@@ -102,15 +99,14 @@ impl Openings {
         }
         let borders = self.borders(seen);
         let most = MOST_MORE * self.cell.len();
-        let fits = |&level: &usize| borders.len() * FINENESS[level] * FINENESS[level] <= most;
-        let level = (0..FINENESS.len()).find(fits).filter(|_| !borders.is_empty())?;
-        let rays = FINENESS[level] * FINENESS[level];
+        let fits = |fine: &usize| borders.len() * fine * fine <= most;
+        let fine = FINENESS.into_iter().find(fits).filter(|_| !borders.is_empty())?;
+        let rays = fine * fine;
         let mut sum = Vec3::ZERO;
         let mut next = borders.iter().copied().peekable();
         for (i, cell) in seen.of_cell.iter().enumerate() {
             sum += if next.next_if_eq(&i).is_some() {
-                self.finer[level][i * rays..][..rays].iter().map(|&local| ask(local)).sum::<Vec3>()
-                    / rays as f32
+                self.within(i, fine).map(&ask).sum::<Vec3>() / rays as f32
             } else {
                 cell.sky / cell.rays as f32
             };
