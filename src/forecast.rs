@@ -108,7 +108,7 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
         });
         let elements = covered + grown(shares, hidden);
         let mut stages = vec![(Stage::Plan, planned - started), (Stage::Atlas, unwrapped - planned)];
-        let (mut rays, mut patches) = (0.0, large.light.patches as f64);
+        let (mut rays, mut light_rays, mut patches) = (0.0, 0.0, large.light.patches as f64);
         for stage in [Stage::Transport, Stage::Elements, Stage::Direct, Stage::Solve, Stage::Gather] {
             let find = |lit: &Lit| lit.stages.iter().find(|report| report.stage == stage).cloned();
             let Some(last) = find(&large) else { continue };
@@ -133,6 +133,9 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
                 patches *= growth;
             }
             rays += last.rays as f64 * growth;
+            if stage != Stage::Elements {
+                light_rays += last.rays as f64 * growth;
+            }
             // What the solver does with elements takes as long as its rays where patches are few.
             let slower = match (stage, &first) {
                 (Stage::Solve, Some(first)) if last.seconds > 0.0 => {
@@ -144,12 +147,13 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
             stages.push((stage, last.seconds * slower));
         }
         let share = f64::from(options.light.audit_share);
-        if share > 0.0 && rays > 0.0 {
+        if share > 0.0 && light_rays > 0.0 {
             let light = [Stage::Direct, Stage::Solve, Stage::Gather];
             let took =
                 stages.iter().filter(|stage| light.contains(&stage.0)).map(|stage| stage.1).sum::<f64>();
-            let audited = (share * rays).max(audit::LEAST_RAYS as f64);
-            stages.push((Stage::Audit, AUDIT_SLOWER * audited * took / rays));
+            // Where the light needs few rays, its audit needs no more.
+            let audited = (share * light_rays).max(audit::LEAST_RAYS as f64).min(light_rays);
+            stages.push((Stage::Audit, AUDIT_SLOWER * audited * took / light_rays));
             rays += audited;
         }
         let exported = atlas.pages.iter().filter(|page| page.exported);

@@ -171,8 +171,8 @@ mod tests {
     fn a_long_last_stage_is_foretold_from_its_own_pace() {
         let mut seconds = TYPICAL.map(|(_, weight)| weight * 0.1);
         seconds[Stage::Gather as usize] = 300.0;
-        // What is left after the gather has 11 of 103 parts in the table; that much may be wrong.
-        assert!(worst_error(seconds, 0.2) < 0.11);
+        // What is left after the gather has 11 parts in the table, to 92 before; that much may be wrong.
+        assert!(worst_error(seconds, 0.2) < 0.12);
     }
 
     #[test]

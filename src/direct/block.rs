@@ -371,7 +371,7 @@ impl<T: Tracer> Work<'_, T> {
 
     /// The refined visibility; inside a wide penumbra the mean of the 3×3 neighbourhood, whose nine sample sets
     /// differ, so that no grain is left. A linear ramp is its own mean: nothing is blurred. Where the mean is further
-    /// from the texel's own value than samples err, the ramp bends, and the value stays.
+    /// from the texel's own value than twice what samples err by, the ramp bends, and the value stays.
     fn smoothed<E: Emitter>(&self, emitter: &E, scratch: &Scratch, i: usize) -> Vec3 {
         let around = self.grid.neighbours(i);
         if emitter.is_sharp() || self.patterns.everywhere || !around.iter().all(|&n| scratch.refined[n]) {
@@ -379,7 +379,7 @@ impl<T: Tracer> Work<'_, T> {
         }
         let own = scratch.ratio[i];
         let mean = (around.iter().map(|&n| scratch.ratio[n]).sum::<Vec3>() + own) / 9.0;
-        let grain = (mean - own).abs().max_element() <= self.patterns.visibility_error;
+        let grain = (mean - own).abs().max_element() <= 2.0 * self.patterns.visibility_error;
         if grain { mean } else { own }
     }
 }

@@ -1,10 +1,10 @@
 //! Sky through openings, seen from one gather.
 //!
 //! The directions of a gather are a net: the square they come from falls into as many equal cells as there are
-//! directions, or fewer, and every cell holds equally many. Where one cell sees the sky and its neighbour does not, the
-//! border of an opening passes, and how much of such a cell is open is known to a half only: behind a small window that is
-//! most of what is seen. So these cells, and no others, are asked again by a regular grid of shadow rays (the adaptive
-//! sampling of Whitted 1980, section 4, on the hemisphere). Only the sky's part of the light changes.
+//! directions, or fewer, and every cell holds equally many. Where neighbours of a cell differ in whether they see the sky,
+//! the border of an opening passes, and how much of such a cell is open is known to a half only: behind a small window
+//! that is most of what is seen. So these cells, and no others, are asked again by a regular grid of shadow rays (the
+//! adaptive sampling of Whitted 1980, section 4, on the hemisphere). Only the sky's part of the light changes.
 
 use crate::sampling::cosine_hemisphere;
 use glam::Vec3;
@@ -71,22 +71,23 @@ impl Openings {
         cell.shut += u32::from(left == Vec3::ZERO);
     }
 
-    /// Cells at the borders of openings.
+    /// Cells whose neighbours, these eight alone, see sky and something else. What a cell's own rays met must not decide
+    /// whether it is asked again: a thin thing would vanish wherever it was met by chance, and stay where it was not.
     fn borders(&self, seen: &Seen) -> Vec<usize> {
         let side = self.side;
-        let like = |a: &Cell, b: &Cell| {
-            (a.open == a.rays) == (b.open == b.rays) && (a.shut == a.rays) == (b.shut == b.rays)
-        };
         let is_border = |&i: &usize| {
-            let (here, [x, y]) = (&seen.of_cell[i], [i % side, i / side]);
-            let whole = here.rays > 0 && (here.open == here.rays || here.shut == here.rays);
-            let around = [
-                (x > 0).then(|| i - 1),
-                (x + 1 < side).then(|| i + 1),
-                (y > 0).then(|| i - side),
-                (y + 1 < side).then(|| i + side),
-            ];
-            !whole || around.into_iter().flatten().any(|other| !like(here, &seen.of_cell[other]))
+            let [x, y] = [i % side, i / side];
+            let (mut open, mut shut) = (false, false);
+            for v in y.saturating_sub(1)..(y + 2).min(side) {
+                for u in x.saturating_sub(1)..(x + 2).min(side) {
+                    let cell = &seen.of_cell[v * side + u];
+                    if [u, v] != [x, y] && cell.rays > 0 {
+                        open |= cell.shut < cell.rays;
+                        shut |= cell.open < cell.rays;
+                    }
+                }
+            }
+            (open && shut) || seen.of_cell[i].rays == 0
         };
         (0..side * side).filter(is_border).collect()
     }
