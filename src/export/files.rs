@@ -1,10 +1,10 @@
 //! All files of a bake, or none: each is written under a temporary name in its own folder, then all are renamed.
 //!
 //! What is guaranteed, whenever the process or the machine stops: the input is as it was; a file that stands under its
-//! name is whole, the new one or the one that stood there before; and a glTF, which is renamed last, is never new beside
-//! pages that are not. A bake over an older one that is killed between two renames can leave new pages beside the older
-//! glTF: no system renames several files at once. Temporary files that are left vanish with the next bake into the folder
-//! (`temporary.rs`).
+//! name is whole; and a glTF belongs to the pages beside it, both new or both as they were. No system renames several
+//! files at once, so what several files of an older bake stand in the way of is first taken aside, the glTF before its
+//! pages, and comes back when a rename fails. Who is killed between two of these renames leaves the older files, as the
+//! new ones, under temporary names. Those vanish with the next bake into the folder (`temporary.rs`).
 
 use super::temporary;
 use crate::error::{Error, Result};
@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempPath};
 
 /// Files under temporary names; dropped, they vanish.
 pub(super) struct Batch {
@@ -82,13 +82,40 @@ impl Batch {
         Ok(())
     }
 
-    /// Gives every file its name, in the order they were added, and returns the names.
+    /// Gives every file its name, in the order they were added, and returns the names. On an error every name has what
+    /// it had before.
     pub fn commit(self) -> Result<Vec<PathBuf>> {
+        self.commit_by(&mut |from, to| std::fs::rename(from, to))
+    }
+
+    fn commit_by(self, rename: &mut Rename) -> Result<Vec<PathBuf>> {
+        let mut older = Older::default();
         let mut written = Vec::with_capacity(self.staged.len());
+        // A single file is replaced at once.
+        let mut done = if self.staged.len() > 1 {
+            self.staged.iter().rev().try_for_each(|(_, path)| older.take_aside(path, rename))
+        } else {
+            Ok(())
+        };
         for (file, path) in self.staged {
-            file.persist(&path).map_err(|failed| Error::io(&path, failed.error))?;
-            written.push(path);
+            done = done.and_then(|()| {
+                let told = |error| Error::io(&path, error);
+                // The lock is held until the file has its name.
+                let (_file, temporary) = file.keep().map_err(|failed| told(failed.error))?;
+                rename(&temporary, &path).map_err(|error| {
+                    let _ = std::fs::remove_file(&temporary);
+                    told(error)
+                })?;
+                written.push(path);
+                Ok(())
+            });
         }
+        if let Err(error) = done {
+            written.iter().rev().for_each(|path| drop(std::fs::remove_file(path)));
+            older.bring_back(rename);
+            return Err(error);
+        }
+        drop(older);
         let folders: BTreeSet<&Path> = written.iter().map(|path| folder_of(path)).collect();
         for folder in folders {
             // The names themselves; not every system lets a folder be opened for this, and nothing is lost where not.
@@ -113,6 +140,47 @@ impl Batch {
             ));
         }
         Ok(())
+    }
+}
+
+/// Moves a file from one name to another in the same folder, in place of what has that name.
+type Rename<'a> = dyn FnMut(&Path, &Path) -> std::io::Result<()> + 'a;
+
+/// Files under temporary names that stand under their own no more; dropped, they vanish.
+#[derive(Default)]
+struct Older(Vec<Aside>);
+
+struct Aside {
+    path: PathBuf,
+    temporary: TempPath,
+    /// Locked, so that no other process takes the file for a leftover.
+    _held: Option<File>,
+}
+
+impl Older {
+    /// Takes the file of this name aside, if there is one.
+    fn take_aside(&mut self, path: &Path, rename: &mut Rename) -> Result<()> {
+        // What is no file is in the way, and the rename will say so.
+        if !path.symlink_metadata().is_ok_and(|there| !there.is_dir()) {
+            return Ok(());
+        }
+        let told = |error| Error::io(path, error);
+        let (_placeholder, temporary) = temporary::file_in(folder_of(path)).map_err(told)?.into_parts();
+        let held = File::open(path).ok().filter(|file| file.try_lock().is_ok());
+        rename(path, &temporary).map_err(told)?;
+        self.0.push(Aside { path: path.to_owned(), temporary, _held: held });
+        Ok(())
+    }
+
+    /// Gives every file its name again, the last one that went first.
+    fn bring_back(self, rename: &mut Rename) {
+        for aside in self.0.into_iter().rev() {
+            match rename(&aside.temporary, &aside.path) {
+                Ok(()) => drop(aside.temporary.keep()),
+                // Not deleted, at least not now.
+                Err(_) => std::mem::forget(aside.temporary),
+            }
+        }
     }
 }
 
@@ -182,6 +250,75 @@ mod tests {
         assert!(batch.add(&folder.path().join("out.glb"), &[b"y"]).is_err());
         drop(batch);
         assert_eq!(std::fs::read(&input).unwrap(), b"precious");
+    }
+
+    /// A batch that replaces an older glTF and its page; what each name holds.
+    fn rebake(folder: &Path) -> (Batch, [PathBuf; 3]) {
+        let paths = ["a.exr", "b.exr", "c.glb"].map(|name| folder.join(name));
+        std::fs::write(&paths[0], "old").unwrap();
+        std::fs::write(&paths[2], "old").unwrap();
+        let mut batch = Batch::new([]);
+        paths.iter().for_each(|path| batch.add(path, &[b"new"]).unwrap());
+        (batch, paths)
+    }
+
+    #[test]
+    fn between_any_two_renames_a_gltf_has_the_pages_it_was_made_with() {
+        let folder = tempfile::tempdir().unwrap();
+        let (batch, paths) = rebake(folder.path());
+        let mut seen = Vec::new();
+        let mut look = || {
+            let [a, b, gltf] = paths.each_ref().map(|path| std::fs::read_to_string(path).unwrap_or_default());
+            match gltf.as_str() {
+                "old" => assert_eq!([a.as_str(), b.as_str()], ["old", ""]),
+                "new" => assert_eq!([a.as_str(), b.as_str()], ["new", "new"]),
+                _ => assert_eq!(gltf, ""),
+            }
+            // What has no name is not lost.
+            let kept = std::fs::read_dir(folder.path()).unwrap().flatten();
+            let kept = kept.filter(|entry| std::fs::read(entry.path()).unwrap() == b"old").count();
+            assert_eq!(kept, 2);
+            seen.push(gltf);
+        };
+        // What stands in the folder before a rename is what a kill at that moment leaves.
+        let renamed = batch.commit_by(&mut |from, to| {
+            look();
+            std::fs::rename(from, to)
+        });
+        assert_eq!(renamed.unwrap(), paths);
+        assert_eq!(seen, ["old", "", "", "", ""]);
+        assert!(paths.iter().all(|path| std::fs::read(path).unwrap() == b"new"));
+        assert_eq!(names(folder.path()), ["a.exr", "b.exr", "c.glb"]);
+    }
+
+    #[test]
+    fn a_rename_that_fails_leaves_what_was_there() {
+        for fails in 0..5 {
+            let folder = tempfile::tempdir().unwrap();
+            let (batch, paths) = rebake(folder.path());
+            let mut count = 0;
+            let failed = batch.commit_by(&mut |from, to| {
+                count += 1;
+                let refused = || std::io::Error::from(std::io::ErrorKind::PermissionDenied);
+                if count == fails + 1 { Err(refused()) } else { std::fs::rename(from, to) }
+            });
+            assert!(matches!(failed, Err(Error::Io { .. })), "{fails}");
+            assert_eq!(names(folder.path()), ["a.exr", "c.glb"], "{fails}");
+            assert!(
+                [&paths[0], &paths[2]].iter().all(|path| std::fs::read(path).unwrap() == b"old"),
+                "{fails}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_folder_in_the_way_is_told_and_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let (batch, paths) = rebake(folder.path());
+        std::fs::create_dir(&paths[1]).unwrap();
+        assert!(matches!(batch.commit().unwrap_err(), Error::Io { path, .. } if path == paths[1]));
+        assert!([&paths[0], &paths[2]].iter().all(|path| std::fs::read(path).unwrap() == b"old"));
+        assert_eq!(names(folder.path()), ["a.exr", "b.exr", "c.glb"]);
     }
 
     #[cfg(unix)]
