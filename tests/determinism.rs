@@ -1,7 +1,7 @@
 //! The same input and options give the same bytes, whatever the number of threads and however often.
 
 use lightkiln::bake::{Run, bake};
-use lightkiln::options::{BakeOptions, LightPart, Quality, Store};
+use lightkiln::options::{BakeOptions, LightPart, Quality, SkyOption, Store};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ fn draft() -> BakeOptions {
     options
 }
 
-/// All files that a bake leaves, by name. They are always written to the same place, because their headers may name it.
+/// All files that a bake leaves, by name.
 fn written(input: &Path, options: &BakeOptions, folder: &Path, threads: usize) -> BTreeMap<String, Vec<u8>> {
     if folder.exists() {
         fs::remove_dir_all(folder).unwrap();
@@ -84,4 +84,36 @@ fn every_way_to_write_gives_the_same_bytes() {
         change(&mut options);
         check(&input, &options, &out, 1, what);
     }
+}
+
+/// Where a scene and its bake lie is no part of the light: nothing that is written names a folder.
+#[test]
+fn bakes_into_other_folders_are_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let [one, other] = ["a", "another folder with a long name"].map(|name| folder.path().join(name));
+    let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/blend_glass.glb");
+    let [one, other] = [one, other].map(|folder| {
+        fs::create_dir(&folder).unwrap();
+        let input = folder.join("room.glb");
+        fs::copy(&fixture, &input).unwrap();
+        let sky = folder.join("sky.hdr");
+        fs::write(&sky, b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n\x80\x80\x80\x80\x80\x80\x80\x80")
+            .unwrap();
+        let out = folder.join("out");
+        let mut options = draft();
+        options.import.sky = Some(SkyOption::Image { path: sky, strength: 1.0 });
+        options.export.output = Some(out.join("lit.glb"));
+        options.export.preview = Some(out.join("preview.glb"));
+        options.export.picture = Some(out.join("picture.png"));
+        written(&input, &options, &out, 2)
+    });
+    same(&one, &other, "another folder");
+    assert!(one.len() >= 4, "{:?}", one.keys());
+    let trace = folder.path().to_str().unwrap().as_bytes();
+    for (name, bytes) in &one {
+        assert!(!bytes.windows(trace.len()).any(|at| at == trace), "{name} names a folder");
+    }
+    // What the light hangs on is told.
+    let told = |word: &str| one["lit.lightmap0.exr"].windows(word.len()).any(|at| at == word.as_bytes());
+    assert!(told("lightkiln.settings") && told("sky.hdr") && told("page_size"));
 }

@@ -4,11 +4,12 @@ use super::{Glimpse, Log};
 use crate::error::{Result, Warning};
 use crate::export::{self, Metadata, Written};
 use crate::import::Document;
-use crate::options::{BakeOptions, ImportOptions, LightPart, RenderOptions, Store};
+use crate::options::{BakeOptions, ImportOptions, LightPart, RenderOptions, SkyOption, Store};
 use crate::progress::Stage;
 use crate::resolve::{self, Lightmap};
 use crate::scene::Scene;
 use crate::{baked, render};
+use serde_json::Value;
 use std::path::Path;
 
 /// Where a bake's light goes.
@@ -49,7 +50,7 @@ impl Output<'_> {
         let Self { document, scene, options, .. } = *self;
         let metadata = Metadata {
             generator: concat!("lightkiln ", env!("CARGO_PKG_VERSION")).to_owned(),
-            settings: serde_json::to_value(options).unwrap_or_default(),
+            settings: settings(options),
             convergence: vec![("unshot".to_owned(), light.unshot_fraction)],
             scene: scene.index,
         };
@@ -61,6 +62,22 @@ impl Output<'_> {
         }
         Ok(written)
     }
+}
+
+/// The options, as JSON, without where files lie: the same bake into another folder is the same bytes, and what is
+/// given away tells nothing of the disk it was made on.
+fn settings(options: &BakeOptions) -> Value {
+    let mut options = options.clone();
+    if let Some(SkyOption::Image { path, .. }) = &mut options.import.sky {
+        *path = path.file_name().unwrap_or_default().into();
+    }
+    let mut settings = serde_json::to_value(options).unwrap_or_default();
+    if let Some(export) = settings["export"].as_object_mut() {
+        for place in ["output", "preview", "picture"] {
+            export.shift_remove(place);
+        }
+    }
+    settings
 }
 
 /// A picture of what was just written, as `lightkiln render` would take it; a warning where there is nothing to see.
