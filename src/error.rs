@@ -1,6 +1,6 @@
 //! What can go wrong, told by who must act.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Every error of the library. `at` names the place in the artist's words: a file, an object, a material.
 #[derive(Debug, thiserror::Error)]
@@ -55,6 +55,24 @@ impl Error {
     /// The input wants something unsupported at `at`.
     pub fn unsupported(at: impl Into<String>, what: impl Into<String>) -> Self {
         Self::Unsupported { what: what.into(), at: at.into() }
+    }
+
+    /// The same, told of what lies in `file`, unless its place names the file already.
+    pub(crate) fn in_file(self, file: &Path) -> Self {
+        let named = |at: String| {
+            let file = file.display().to_string();
+            match at.as_str() {
+                "the file" => file,
+                at_file if at_file.contains(&file) => at,
+                _ => format!("{file}, {at}"),
+            }
+        };
+        match self {
+            Self::Invalid { what, at } => Self::Invalid { what, at: named(at) },
+            Self::Unsupported { what, at } => Self::Unsupported { what, at: named(at) },
+            Self::TooLarge { what, at } => Self::TooLarge { what, at: named(at) },
+            Self::Io { .. } | Self::Cancelled => self,
+        }
     }
 
     /// An operation on `path` failed.

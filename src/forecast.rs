@@ -100,7 +100,12 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
         let [small, large] = trials.map(|share| trial(scene, options, atlas.density * share, run));
         let (small, large) = (small?, large?);
 
-        let shares = [&small, &large].map(|lit| f64::from(lit.atlas.density) / f64::from(atlas.density));
+        // Where nothing takes a lightmap there is no density.
+        let shares = if atlas.density > 0.0 {
+            [&small, &large].map(|lit| f64::from(lit.atlas.density) / f64::from(atlas.density))
+        } else {
+            trials.map(f64::from)
+        };
         let texels = [&small, &large].map(|lit| lit.elements.len() as f64);
         let hidden = [&small, &large].map(|lit| {
             let charts = lit.elements.charts.iter().filter(|chart| !chart.exported);
@@ -177,7 +182,8 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
 
 /// A bake at a lower density, with the shortest time of every stage of some repetitions.
 fn trial(scene: &Scene, options: &BakeOptions, density: f32, run: &Run) -> Result<Lit> {
-    let atlas = AtlasOptions { density: Some(density), ..options.atlas.clone() };
+    let density = Some(density).filter(|&density| density > 0.0);
+    let atlas = AtlasOptions { density: density.or(options.atlas.density), ..options.atlas.clone() };
     let light_options = LightOptions { audit_share: 0.0, ..options.light.clone() };
     let options = BakeOptions { atlas, light: light_options, goal: Goal::Effort, ..options.clone() };
     let quiet = Run { observer: &crate::progress::Silent, memory_limit_bytes: None, ..*run };

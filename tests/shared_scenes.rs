@@ -1,13 +1,21 @@
-//! Import over scenes made by others. They lie beside the repository where it is developed; elsewhere the tests say
+//! Scenes made by others: the importer over all of them, and the command. They lie beside the repository where it is developed; elsewhere the tests say
 //! that they are skipped.
 
 #![allow(clippy::print_stdout, clippy::print_stderr)] // They report what became of each file.
 
+#[path = "bad_input/sound.rs"]
+#[allow(dead_code)] // The fuzz targets ask for single stages.
+mod sound;
+
 use lightkiln::import;
 use lightkiln::options::ImportOptions;
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 /// What the validator calls errors that change which triangles stand where: such files must be refused.
 const GEOMETRY_ERRORS: [&str; 22] = [
@@ -70,7 +78,7 @@ fn outcome(path: &Path) -> Result<String, String> {
     let loaded = catch_unwind(AssertUnwindSafe(|| import::load(path, &ImportOptions::default())));
     match loaded {
         Ok(Ok((document, scene))) => {
-            check(&document, &scene, path);
+            sound::whole(&document, &scene);
             for warning in &scene.warnings {
                 println!("  {}: {}", warning.at, warning.what);
             }
@@ -85,27 +93,6 @@ fn outcome(path: &Path) -> Result<String, String> {
         }
         Ok(Err(error)) => Err(error.to_string()),
         Err(_) => panic!("{} panicked", path.display()),
-    }
-}
-
-/// What every scene promises to the stages after it.
-fn check(document: &import::Document, scene: &lightkiln::scene::Scene, path: &Path) {
-    let at = path.display();
-    for surface in &scene.surfaces {
-        let geometry = scene.geometry(surface);
-        let vertices = geometry.position_local.len();
-        assert_eq!(surface.position_world.len(), vertices, "{at}");
-        assert_eq!(surface.normal_world.len(), vertices, "{at}");
-        assert_eq!(geometry.normal_local.len(), vertices, "{at}");
-        assert!(geometry.texcoords.iter().all(|set| set.len() == vertices), "{at}");
-        assert!(geometry.color.is_empty() || geometry.color.len() == vertices, "{at}");
-        assert!(geometry.triangles.as_flattened().iter().all(|&v| (v as usize) < vertices), "{at}");
-        assert!(surface.position_world.iter().all(|p| p.is_finite()), "{at}");
-        assert!(surface.normal_world.iter().all(|n| (n.length() - 1.0).abs() < 1e-4), "{at}");
-        let raw = document.raw_primitive(surface.origin.mesh, surface.origin.primitive).unwrap();
-        assert_eq!(raw.triangles, geometry.triangles, "{at}");
-        let position = &raw.attributes.iter().find(|(name, _)| name == "POSITION").unwrap().1;
-        assert_eq!(position.count, vertices, "{at}");
     }
 }
 
@@ -155,4 +142,105 @@ fn broken_files_are_refused_and_controls_do_not_crash() {
         }
     }
     assert!(wrong.is_empty(), "accepted:\n{}", wrong.join("\n"));
+}
+
+/// What no file here may take, even on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// One run of the command in a folder of its own: what is wrong with how it ended, if anything. It must end with
+/// `code`; where it could not, it must say so in words that name the file, or one it is made of, and what to do.
+fn run(path: &Path, arguments: &str, code: i32) -> Option<String> {
+    let folder = tempfile::tempdir().unwrap();
+    let said = folder.path().join("said");
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lightkiln"));
+    command.args(arguments.split(' ')).arg(path).current_dir(folder.path());
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(std::fs::File::create(&said).unwrap());
+    let (begin, mut child) = (Instant::now(), command.spawn().unwrap());
+    let ended = loop {
+        match child.try_wait().unwrap() {
+            Some(ended) => break ended,
+            None if begin.elapsed() > PATIENCE => {
+                child.kill().unwrap();
+                child.wait().unwrap();
+                return Some(format!("{}: lightkiln {arguments} did not end", path.display()));
+            }
+            None => std::thread::sleep(Duration::from_millis(2)),
+        }
+    };
+    let said = std::fs::read_to_string(&said).unwrap();
+    let wrong =
+        |what: &str| Some(format!("{}: lightkiln {arguments} {what}: {ended}\n{said}", path.display()));
+    match ended.code() {
+        Some(found) if found != code => wrong("ends with another code"),
+        None => wrong("was ended"),
+        Some(1) => {
+            let told = said.lines().find_map(|line| line.strip_prefix("error: "));
+            let Some(told) = told else { return wrong("says nothing") };
+            let hint = said.lines().find_map(|line| line.strip_prefix("hint: ")).unwrap_or_default();
+            let about = path.parent().unwrap().to_str().unwrap();
+            if !told.contains(about) {
+                return wrong("names no file");
+            }
+            let told = told.replace(about, "");
+            let remedy = REMEDIES.iter().any(|verb| told.contains(verb) || hint.contains(verb));
+            if remedy && !told.contains("internal") { None } else { wrong("says no remedy") }
+        }
+        Some(_) => None,
+    }
+}
+
+/// Words of which one is in every message that says what to do.
+const REMEDIES: [&str; 11] = [
+    "export",
+    "choose",
+    "check",
+    "restore",
+    "repair",
+    "save it",
+    "put the file",
+    "Put the file",
+    "compress the",
+    "run `",
+    "give the",
+];
+
+/// Runs every file through the command, some at a time.
+fn run_all(paths: &[PathBuf], runs: &[(&str, i32)]) {
+    let wrong = Mutex::new(Vec::new());
+    paths.par_iter().for_each(|path| {
+        let found = runs.iter().filter_map(|&(arguments, code)| run(path, arguments, code));
+        wrong.lock().unwrap().extend(found);
+    });
+    let mut wrong = wrong.into_inner().unwrap();
+    wrong.sort();
+    assert!(wrong.is_empty(), "{} of {}:\n{}", wrong.len(), paths.len(), wrong.join("\n"));
+}
+
+/// As little as makes a bake.
+const BAKE: &str = "bake -o out.glb --quality draft --page-size 32 --threads 1 -q";
+
+#[test]
+fn the_command_refuses_broken_files_with_words_and_exit_code_1() {
+    let Some(shared) = shared() else { return };
+    let paths = scenes(&shared.join("invalid"));
+    let broken = |path: &&PathBuf| import::load(path, &ImportOptions::default()).is_err();
+    let (refused, read): (Vec<&PathBuf>, Vec<&PathBuf>) = paths.iter().partition(broken);
+    assert!(refused.len() > 300, "{}", refused.len());
+    let own = |paths: Vec<&PathBuf>| paths.into_iter().cloned().collect::<Vec<_>>();
+    // No file of others is a bake of ours.
+    let check = ("check", 1);
+    run_all(&own(refused), &[(BAKE, 1), ("plan", 1), check]);
+    run_all(&own(read), &[(BAKE, 0), ("plan --quality draft --page-size 32", 0), check]);
+}
+
+#[test]
+fn the_command_bakes_what_can_be_read() {
+    let Some(shared) = shared() else { return };
+    let paths: Vec<PathBuf> =
+        ["features", "kits"].iter().flat_map(|folder| scenes(&shared.join(folder))).collect();
+    let readable = |path: &PathBuf| import::load(path, &ImportOptions::default()).is_ok();
+    let (read, refused): (Vec<PathBuf>, Vec<PathBuf>) = paths.into_par_iter().partition(readable);
+    assert!(read.len() > 200, "{}", read.len());
+    run_all(&read, &[(BAKE, 0)]);
+    run_all(&refused, &[(BAKE, 1)]);
 }

@@ -38,7 +38,10 @@ pub(super) fn add(document: &Document, hierarchy: &Hierarchy, scene: &mut Scene)
         }
         let radiance = (lamp.color.as_dvec3() * f64::from(lamp.power) / (PI * area)).as_vec3();
         if !radiance.is_finite() {
-            return Err(Error::invalid(node.at(), "its area lamp is too bright to compute"));
+            return Err(Error::invalid(
+                node.at(),
+                "its area lamp is too bright to compute: lower its power, or make it larger",
+            ));
         }
         if radiance != Vec3::ZERO {
             let mirrored = world.matrix3.determinant() < 0.0;

@@ -44,8 +44,12 @@ pub(super) fn meshopt_extension<'a>(part: &Part<'a>) -> Result<Option<Part<'a>>>
 
 /// Decodes a buffer view that meshoptimizer compressed into `source`.
 pub(super) fn meshopt(source: &[u8], view: &Part, extension: &Part) -> Result<Vec<u8>> {
-    let broken =
-        |what: String| Error::invalid(view.at(), format!("its meshopt compression is broken: {what}"));
+    let broken = |what: String| {
+        Error::invalid(
+            view.at(),
+            format!("its meshopt compression is broken ({what}): compress the scene again"),
+        )
+    };
     let count = extension.required_index("count")?;
     let stride = extension.required_index("byteStride")?;
     let mode = extension.text("mode")?.unwrap_or_default();
@@ -86,8 +90,12 @@ pub(super) fn draco(
     normalized: &dyn Fn(&str) -> bool,
     primitive: &Part,
 ) -> Result<DracoMesh> {
-    let broken =
-        |what: String| Error::invalid(primitive.at(), format!("its Draco compression is broken: {what}"));
+    let broken = |what: String| {
+        Error::invalid(
+            primitive.at(),
+            format!("its Draco compression is broken ({what}): compress the scene again"),
+        )
+    };
     let ids: Vec<(&str, JsonValue)> = ids.iter().map(|&(name, id)| (name, JsonValue::from(id))).collect();
     let json = JsonValue::object([
         ("bufferView", JsonValue::from(0_usize)),

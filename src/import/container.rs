@@ -24,7 +24,7 @@ pub(super) fn open(bytes: &[u8], at: &str, warnings: &mut Vec<Warning>) -> Resul
 fn foreign(bytes: &[u8]) -> Option<&'static str> {
     let first = bytes.iter().find(|b| !b.is_ascii_whitespace());
     match first {
-        None => Some("the file is empty"),
+        None => Some("the file is empty: export the scene again"),
         Some(_) if bytes.starts_with(b"version https://git-lfs") => {
             Some("this is a Git LFS pointer, not the file itself: run `git lfs pull`")
         }
@@ -35,14 +35,20 @@ fn foreign(bytes: &[u8]) -> Option<&'static str> {
             Some("the JSON begins with a byte order mark, which glTF forbids: save it as UTF-8 without one")
         }
         Some(b'{') => None,
-        Some(_) => Some("this is neither a .glb (it does not begin with 'glTF') nor the JSON of a .gltf"),
+        Some(_) => Some(
+            "this is neither a .glb (it does not begin with 'glTF') nor the JSON of a .gltf: choose a file that is",
+        ),
     }
 }
 
 fn parse(json: &[u8], at: &str) -> Result<Value> {
     let value: Value = serde_json::from_slice(json)
         .map_err(|error| Error::invalid(at, format!("its JSON is broken: {error}; export the file again")))?;
-    if value.is_object() { Ok(value) } else { Err(Error::invalid(at, "its JSON is not an object")) }
+    if value.is_object() {
+        Ok(value)
+    } else {
+        Err(Error::invalid(at, "its JSON is not an object: export the scene again"))
+    }
 }
 
 fn word(bytes: &[u8], offset: usize) -> Option<u32> {
@@ -76,10 +82,18 @@ fn split<'a>(bytes: &'a [u8], at: &str, warnings: &mut Vec<Warning>) -> Result<(
         let chunk = start.checked_add(size).and_then(|end| bytes.get(start..end)).ok_or_else(cut)?;
         match (number, kind) {
             (0, CHUNK_JSON) => json = Some(chunk),
-            (0, _) => return Err(Error::invalid(at, "the first chunk of the .glb is not its JSON")),
+            (0, _) => {
+                return Err(Error::invalid(
+                    at,
+                    "the first chunk of the .glb is not its JSON: export it again",
+                ));
+            }
             (1, CHUNK_BIN) => bin = Some(chunk.to_vec()),
             (_, CHUNK_JSON | CHUNK_BIN) => {
-                return Err(Error::invalid(at, "the .glb has a JSON or BIN chunk out of place or twice"));
+                return Err(Error::invalid(
+                    at,
+                    "the .glb has a JSON or BIN chunk out of place or twice: export it again",
+                ));
             }
             _ => other_chunks.push((kind, chunk.to_vec())),
         }

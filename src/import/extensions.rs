@@ -38,7 +38,10 @@ pub(super) fn check(json: &Value, at: &str) -> Result<()> {
     let used = root.array("extensionsUsed")?.unwrap_or(&[]);
     let required = root.array("extensionsRequired")?.unwrap_or(&[]);
     if used.iter().chain(required).any(|name| !name.is_string()) {
-        return Err(Error::invalid(at, "its lists of extensions hold something that is not a name"));
+        return Err(Error::invalid(
+            at,
+            "its lists of extensions hold something that is not a name: export the scene again",
+        ));
     }
     for name in required.iter().filter_map(Value::as_str) {
         if !is_readable(name) {
@@ -80,7 +83,10 @@ fn check_version(json: &Value, at: &str) -> Result<()> {
     };
     let version = asset.text("version")?.unwrap_or_default();
     let Some((major, _)) = parse(version) else {
-        return Err(Error::invalid(at, format!("its version '{version}' is not of the form 2.0")));
+        return Err(Error::invalid(
+            at,
+            format!("its version '{version}' is not of the form 2.0: export the scene again"),
+        ));
     };
     if major != 2 {
         let what = format!(
@@ -90,12 +96,15 @@ fn check_version(json: &Value, at: &str) -> Result<()> {
     }
     if let Some(text) = asset.text("minVersion")? {
         let Some(minimum) = parse(text) else {
-            return Err(Error::invalid(at, format!("its minVersion '{text}' is not of the form 2.0")));
+            return Err(Error::invalid(
+                at,
+                format!("its minVersion '{text}' is not of the form 2.0: export the scene again"),
+            ));
         };
         if minimum > (2, 0) {
             return Err(Error::unsupported(
                 at,
-                format!("it needs a reader of glTF {text}; this one reads 2.0"),
+                format!("it needs a reader of glTF {text}; this one reads 2.0: export the scene as that"),
             ));
         }
     }

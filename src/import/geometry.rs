@@ -13,6 +13,9 @@ const MAX_TEXCOORDS: usize = 8;
 /// Cosine of half a degree: normals closer than this to their triangle's plane normal count as flat.
 const FLAT_COSINE: f32 = 0.999_961_9;
 
+/// From this many times its size on, a mesh's vertices know it to less than a thousandth of its size.
+const FAR_IN_SIZES: f32 = 8192.0;
+
 /// A geometry and what its rest pose needs.
 pub(super) struct Built {
     pub geometry: Geometry,
@@ -28,6 +31,7 @@ pub(super) fn build(document: &Document, mesh: usize, primitive: usize, node: &s
     let raw = document.raw_primitive(mesh, primitive)?;
     let mut reader = Reader { part, warnings: Vec::new() };
     let position_local = reader.positions(&raw, node)?;
+    reader.warn_of_far_origin(&position_local);
     let texcoords = reader.texcoords(&raw)?;
     let color = reader.colors(&raw)?;
     let file_normals = reader.normals(&raw)?;
@@ -84,6 +88,22 @@ impl Reader<'_> {
                 );
                 Err(Error::invalid(self.part.at(), what))
             }
+        }
+    }
+
+    /// Vertices so far from their own origin that floats there are coarse for what they form. What is lost was lost when
+    /// the file was written.
+    fn warn_of_far_origin(&mut self, positions: &[Vec3]) {
+        let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let (low, high) = positions.iter().fold(empty, |(low, high), &p| (low.min(p), high.max(p)));
+        let (size, farthest) = ((high - low).max_element(), low.abs().max(high.abs()).max_element());
+        if size > 0.0 && farthest > FAR_IN_SIZES * size {
+            let what = format!(
+                "its vertices lie {farthest:.0} from their own origin, where a 32 bit float moves in steps of {:.1e}: its \
+                 shape is rounded to that. Move the origin to the mesh (Blender: Object > Set Origin > Origin to Geometry)",
+                farthest * f32::EPSILON
+            );
+            self.warn(what);
         }
     }
 

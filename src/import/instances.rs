@@ -44,7 +44,10 @@ pub(super) fn expand(document: &Document, node: &Part) -> Result<Option<Vec<DAff
         if transform.is_finite() {
             Ok(transform)
         } else {
-            Err(Error::invalid(node.at(), format!("the place of its instance {i} is not a number")))
+            Err(Error::invalid(
+                node.at(),
+                format!("the place of its instance {i} is not a number: export the scene again"),
+            ))
         }
     };
     (0..count).map(transform).collect::<Result<_>>().map(Some)

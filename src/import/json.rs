@@ -25,6 +25,9 @@ pub(super) const SCENES: List = List { key: "scenes", kind: "scene" };
 pub(super) const SKINS: List = List { key: "skins", kind: "skin" };
 pub(super) const TEXTURES: List = List { key: "textures", kind: "texture" };
 
+/// What to do about a file that breaks the rules of glTF: what wrote it is at fault, or the way it came.
+pub(super) const AGAIN: &str = ": export the scene again";
+
 /// One JSON object and where it stands.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Part<'a> {
@@ -40,15 +43,16 @@ pub(super) fn items(json: &Value, list: List) -> Result<&[Value]> {
     match json.get(list.key) {
         None => Ok(&[]),
         Some(Value::Array(items)) => Ok(items),
-        Some(_) => Err(Error::invalid("the file", format!("\"{}\" is not a list", list.key))),
+        Some(_) => Err(Error::invalid("the file", format!("\"{}\" is not a list{AGAIN}", list.key))),
     }
 }
 
 impl<'a> Part<'a> {
     /// The whole file.
     pub fn root(json: &'a Value) -> Result<Self> {
-        let object =
-            json.as_object().ok_or_else(|| Error::invalid("the file", "its JSON is not an object"))?;
+        let object = json
+            .as_object()
+            .ok_or_else(|| Error::invalid("the file", format!("its JSON is not an object{AGAIN}")))?;
         Ok(Self { object, kind: "the file", index: None, inner: None, name: None })
     }
 
@@ -57,13 +61,16 @@ impl<'a> Part<'a> {
         let items = items(json, list)?;
         let Some(item) = items.get(index) else {
             let what = match items.len() {
-                0 => "it is named but does not exist".to_owned(),
-                n => format!("it is named but the last one is {} {}", list.kind, n - 1),
+                0 => format!("it is named but does not exist{AGAIN}"),
+                n => format!("it is named but the last one is {} {}{AGAIN}", list.kind, n - 1),
             };
             return Err(Error::invalid(format!("{} {index}", list.kind), what));
         };
         let Some(object) = item.as_object() else {
-            return Err(Error::invalid(format!("{} {index}", list.kind), "it is not a JSON object"));
+            return Err(Error::invalid(
+                format!("{} {index}", list.kind),
+                format!("it is not a JSON object{AGAIN}"),
+            ));
         };
         let name = object.get("name").and_then(Value::as_str).filter(|name| !name.is_empty());
         Ok(Self { object, kind: list.kind, index: Some(index), inner: None, name })
@@ -82,7 +89,7 @@ impl<'a> Part<'a> {
     pub fn dangling(&self, key: &str, list: List, index: usize) -> Error {
         Error::invalid(
             self.at(),
-            format!("\"{key}\" names {} {index}, which does not exist or is broken", list.kind),
+            format!("\"{key}\" names {} {index}, which does not exist or is broken{AGAIN}", list.kind),
         )
     }
 
@@ -100,7 +107,7 @@ impl<'a> Part<'a> {
         match self.array(key)?.and_then(|items| items.get(index)) {
             Some(Value::Object(object)) => Ok(Part { object, inner: Some((kind, Some(index))), ..*self }),
             Some(_) => Err(self.wrong(key, "holds something that is not an object")),
-            None => Err(Error::invalid(self.at(), format!("it has no {kind} {index}"))),
+            None => Err(Error::invalid(self.at(), format!("it has no {kind} {index}{AGAIN}"))),
         }
     }
 
@@ -143,7 +150,7 @@ impl<'a> Part<'a> {
 
     /// The error that `key` is not what it must be.
     pub fn wrong(&self, key: &str, must: &str) -> Error {
-        Error::invalid(self.at(), format!("\"{key}\" {must}"))
+        Error::invalid(self.at(), format!("\"{key}\" {must}{AGAIN}"))
     }
 
     /// A whole number that is not negative; `3.0` counts as 3, as the JSON of glTF allows.

@@ -50,6 +50,10 @@ pub fn load(path: &Path, options: &ImportOptions) -> Result<(Document, Scene)> {
 
 /// Reads a `.gltf` or `.glb` from memory. `path` names it in messages, and relative uris start in its folder.
 pub fn load_bytes(path: &Path, bytes: &[u8], options: &ImportOptions) -> Result<(Document, Scene)> {
+    read(path, bytes, options).map_err(|error| error.in_file(path))
+}
+
+fn read(path: &Path, bytes: &[u8], options: &ImportOptions) -> Result<(Document, Scene)> {
     let mut warnings = Vec::new();
     let document = Document::open(path, bytes, options, &mut warnings)?;
     let hierarchy = nodes::place(&document.json, options.scene.as_deref(), &mut warnings)?;

@@ -1,10 +1,10 @@
 //! The rest pose of skinned and morphed meshes: they take no lightmap, but they stand in the light.
 
 use super::document::{Document, RawAccessor, RawPrimitive};
-use super::geometry::vectors3;
+use super::geometry::{Built, vectors3};
 use super::json::{Part, SKINS};
 use super::nodes::{Hierarchy, normal_matrix};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warning};
 use crate::scene::Geometry;
 use glam::{DAffine3, DMat4, DVec3, Vec3};
 
@@ -27,6 +27,49 @@ pub(super) struct Posed {
     pub normal_world: Vec<Vec3>,
     /// Whether the first vertex's transform mirrors.
     pub mirrored: bool,
+}
+
+/// The vertices of a skinned or morphed primitive, and whether it is one.
+pub(super) fn at_rest(
+    document: &Document,
+    hierarchy: &Hierarchy,
+    node: &Part,
+    mesh: &Part,
+    shape: &Built,
+    world: DAffine3,
+    warnings: &mut Vec<Warning>,
+) -> Result<(Option<Posed>, bool)> {
+    let has_skin = node.object.contains_key("skin");
+    let Some(rig) = shape.rig.as_ref().filter(|rig| rig.morphs() || (rig.bends() && has_skin)) else {
+        return Ok((None, false));
+    };
+    let weights = match node.array("weights")? {
+        Some(weights) => Some(weights),
+        None => mesh.array("weights")?,
+    };
+    let weights: Vec<f64> = weights.unwrap_or(&[]).iter().map(|w| w.as_f64().unwrap_or(0.0)).collect();
+    let mut what =
+        "it is skinned or morphed: it blocks and reflects light in its rest pose and gets no lightmap"
+            .to_owned();
+    let mut posed = None;
+    if rig.bends() && has_skin {
+        let bones = joints(document, node, hierarchy)?;
+        posed = bones.and_then(|joints| rig.pose(&shape.geometry, &weights, Some(&joints), world));
+        if posed.is_none() {
+            what.push_str(
+                "; its skin cannot be used (joints missing or outside of the scene), so it stands unbent",
+            );
+        }
+    }
+    let posed = match posed {
+        Some(posed) => Some(posed),
+        None => rig.pose(&shape.geometry, &weights, None, world),
+    };
+    let warning = Warning::new(node.label(), what);
+    if warnings.last() != Some(&warning) {
+        warnings.push(warning);
+    }
+    Ok((posed, true))
 }
 
 impl Rig {

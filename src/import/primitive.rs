@@ -136,7 +136,9 @@ impl Document {
             _ => u32::MAX,
         };
         if indices.contains(&restart) {
-            let what = format!("its indices hold {restart}, the primitive restart value, which glTF forbids");
+            let what = format!(
+                "its indices hold {restart}, the primitive restart value, which glTF forbids: export it again"
+            );
             return Err(Error::invalid(part.at(), what));
         }
         check_indices(&indices, vertex_count, part)?;

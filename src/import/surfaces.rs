@@ -191,7 +191,7 @@ fn plan(
         };
         let wanted = extras::flag(&[&node, &mesh], "bake")?.unwrap_or(true);
         let density_factor = extras::positive(&[&node, &mesh], "density")?.unwrap_or(1.0);
-        let (posed, moves) = rest_pose(document, hierarchy, &node, &mesh, shape, *world, warnings)?;
+        let (posed, moves) = pose::at_rest(document, hierarchy, &node, &mesh, shape, *world, warnings)?;
         let role = if moves || !wanted { Role::Reflects } else { Role::Lightmapped };
 
         let transforms = instances::expand(document, &node)?;
@@ -230,49 +230,6 @@ fn plan(
         }
     }
     Ok(plans)
-}
-
-/// The vertices of a skinned or morphed primitive, and whether it is one.
-fn rest_pose(
-    document: &Document,
-    hierarchy: &Hierarchy,
-    node: &Part,
-    mesh: &Part,
-    shape: &Built,
-    world: DAffine3,
-    warnings: &mut Vec<Warning>,
-) -> Result<(Option<Posed>, bool)> {
-    let has_skin = node.object.contains_key("skin");
-    let Some(rig) = shape.rig.as_ref().filter(|rig| rig.morphs() || (rig.bends() && has_skin)) else {
-        return Ok((None, false));
-    };
-    let weights = match node.array("weights")? {
-        Some(weights) => Some(weights),
-        None => mesh.array("weights")?,
-    };
-    let weights: Vec<f64> = weights.unwrap_or(&[]).iter().map(|w| w.as_f64().unwrap_or(0.0)).collect();
-    let mut what =
-        "it is skinned or morphed: it blocks and reflects light in its rest pose and gets no lightmap"
-            .to_owned();
-    let mut posed = None;
-    if rig.bends() && has_skin {
-        let joints = pose::joints(document, node, hierarchy)?;
-        posed = joints.and_then(|joints| rig.pose(&shape.geometry, &weights, Some(&joints), world));
-        if posed.is_none() {
-            what.push_str(
-                "; its skin cannot be used (joints missing or outside of the scene), so it stands unbent",
-            );
-        }
-    }
-    let posed = match posed {
-        Some(posed) => Some(posed),
-        None => rig.pose(&shape.geometry, &weights, None, world),
-    };
-    let warning = Warning::new(node.label(), what);
-    if warnings.last() != Some(&warning) {
-        warnings.push(warning);
-    }
-    Ok((posed, true))
 }
 
 /// Smallest and largest world coordinates; `None` without vertices.

@@ -117,7 +117,7 @@ fn strip_scheme<'a>(uri: &'a str, scheme: &str) -> Option<&'a str> {
 
 fn decode_data(rest: &str, at: &str) -> Result<Vec<u8>> {
     let Some((head, data)) = rest.split_once(',') else {
-        return Err(Error::invalid(at, "its data: uri has no comma before the data"));
+        return Err(Error::invalid(at, "its data: uri has no comma before the data: export the scene again"));
     };
     if !head.to_ascii_lowercase().ends_with(";base64") {
         return Ok(percent_decode_str(data).collect());

@@ -16,6 +16,17 @@ fn bake(change: impl FnOnce(&mut Value, &mut Vec<u8>)) -> super::command::Ended 
     ended
 }
 
+/// Where nothing takes light there is no density to foretell anything from.
+#[test]
+fn a_scene_that_takes_no_lightmap_is_planned_and_baked() {
+    let place = Place::new();
+    let left_out =
+        |json: &mut Value, _: &mut Vec<u8>| json["nodes"][0]["extras"] = json!({"lightkiln.bake": 0});
+    place.write("scene.glb", &square(left_out));
+    place.run("plan scene.glb --quality draft --threads 1").warned(&[]);
+    place.bake("").warned(&["no object took a lightmap"]);
+}
+
 #[test]
 fn the_square_itself_bakes() {
     bake(|_, _| ()).warned(&["wrote out.glb"]);

@@ -90,6 +90,8 @@ pub fn whole(document: &Document, scene: &Scene) {
         if surface.origin.mesh < document.json["meshes"].as_array().map_or(0, Vec::len) {
             let raw = document.raw_primitive(surface.origin.mesh, surface.origin.primitive).unwrap();
             assert_eq!(raw.triangles, geometry.triangles, "{at}");
+            let position = &raw.attributes.iter().find(|(name, _)| name == "POSITION").unwrap().1;
+            assert_eq!(position.count, vertices, "{at}");
         }
     }
 }
