@@ -277,7 +277,8 @@ fn light_report(pass: &Pass, log: &Log) -> LightReport {
         ledger: EnergyReport {
             emitted: coarse.ledger.emitted.to_array(),
             absorbed: coarse.ledger.absorbed.to_array(),
-            escaped: coarse.ledger.escaped.to_array(),
+            escaped: (coarse.ledger.escaped - coarse.ledger.sampling).to_array(),
+            sampling: coarse.ledger.sampling.to_array(),
             unshot: coarse.ledger.unshot.to_array(),
         },
         unshot_fraction: coarse.unshot_fraction,

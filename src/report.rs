@@ -102,15 +102,19 @@ pub struct LightReport {
 }
 
 /// Where the power of the coarse solution went, red, green and blue: watts, or lumens when the report's lamp units
-/// are [`LampUnits::Gltf`]. `emitted` is the sum of the others.
+/// are [`LampUnits::Gltf`]. `emitted` is the sum of the others. Nothing escapes from
+/// a closed room.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct EnergyReport {
     /// Sent out by lamps, sky and surfaces.
     pub emitted: [f64; 3],
     /// Taken up by surfaces.
     pub absorbed: [f64; 3],
-    /// Gone where there is nothing.
+    /// Gone where there is nothing, or to back faces and the unlit.
     pub escaped: [f64; 3],
+    /// Lost, or made where negative, because sampled form factors are reciprocal on average only: what one patch sends is
+    /// not quite what the others receive.
+    pub sampling: [f64; 3],
     /// Still to be distributed when the solver stopped.
     pub unshot: [f64; 3],
 }

@@ -210,7 +210,7 @@ fn a_bake_writes_its_files_and_a_report() {
     let ledger = &light["ledger"];
     for channel in 0..3 {
         let power = |name: &str| number(&ledger[name][channel]);
-        let spent = power("absorbed") + power("escaped") + power("unshot");
+        let spent = power("absorbed") + power("escaped") + power("unshot") + power("sampling");
         // The solver keeps its books in f64; what it is given is f32.
         assert!(
             power("emitted") > 0.0 && (power("emitted") - spent).abs() <= 1e-5 * power("emitted"),

@@ -102,12 +102,16 @@ fn effects(out: &mut String, report: &Report) {
 }
 
 fn energy(out: &mut String, report: &Report) {
-    let EnergyReport { emitted, absorbed, escaped, unshot } = report.light.ledger;
+    let EnergyReport { emitted, absorbed, escaped, unshot, sampling } = report.light.ledger;
     let unit = if report.lamp_units == LampUnits::Gltf { "lm" } else { "W" };
     line(out, &format!("energy, {unit}             red        green         blue"));
-    for (name, [r, g, b]) in
-        [("emitted", emitted), ("absorbed", absorbed), ("escaped", escaped), ("unshot", unshot)]
-    {
+    for (name, [r, g, b]) in [
+        ("emitted", emitted),
+        ("absorbed", absorbed),
+        ("escaped", escaped),
+        ("unshot", unshot),
+        ("sampling", sampling),
+    ] {
         line(out, &format!("  {name:<10} {r:>12.5} {g:>12.5} {b:>12.5}"));
     }
     if let Some(Audit { direct, solve, gather, uncertainty, between_texels, texels, .. }) =
