@@ -1,6 +1,7 @@
 mod cases;
 mod meshes;
 mod speed;
+mod tangles;
 mod verify;
 
 use super::{Atlas, unwrap};
