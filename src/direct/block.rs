@@ -2,6 +2,7 @@
 //! are found by comparing neighbours.
 
 use super::emitters::{AnyEmitter, EmitterList};
+use super::footprint::{Free, NO_FOOTPRINT, footprint};
 use super::penumbra::Patterns;
 use super::{Emitter, Receiver};
 use crate::elements::{Elements, NO_ELEMENT};
@@ -199,30 +200,10 @@ impl<'a> Grid<'a> {
         Patterns::phase(x.rem_euclid(3) as usize, y.rem_euclid(3) as usize)
     }
 
-    fn footprint(&self, i: usize) -> (Vec3, Vec3, f32) {
+    fn footprint(&self, i: usize, sharp: bool) -> (Vec3, Vec3, f32) {
         let around = self.neighbours(i).into_iter().map(|n| self.id[n]).filter(|&n| n != NO_ELEMENT);
-        footprint(self.elements, self.id[i], around)
+        footprint(self.elements, self.id[i], sharp, around)
     }
-}
-
-/// How far samples may stray inside the texel: `(half u, half v, lift along the normal)`. On a curved surface the
-/// tangent plane dips under its neighbours by less than half a texel times the sine of their angle: samples are
-/// lifted by that; on a crease they stay in the middle.
-pub(super) fn footprint(
-    elements: &Elements,
-    element: u32,
-    around: impl Iterator<Item = u32>,
-) -> (Vec3, Vec3, f32) {
-    let e = element as usize;
-    let normal = elements.normal_geometric[e];
-    let straightest = around.map(|n| normal.dot(elements.normal_geometric[n as usize])).fold(1.0, f32::min);
-    if straightest < 0.85 {
-        return (Vec3::ZERO, Vec3::ZERO, 0.0);
-    }
-    let (u, v) = (elements.half_u_world[e], elements.half_v_world[e]);
-    let sine = (1.0 - straightest * straightest).max(0.0).sqrt();
-    let sine = if sine < 1e-3 { 0.0 } else { sine };
-    (u, v, sine * 0.5 * (u.length() + v.length()))
 }
 
 /// Rows of one emitter's pass, reused.
@@ -342,10 +323,24 @@ impl<T: Tracer> Work<'_, T> {
         }
     }
 
-    /// Visible share of the emitter, averaged over the texel's footprint.
+    /// Visible share of the emitter, averaged over the free part of the texel's footprint.
     fn visibility<E: Emitter>(&self, emitter: &E, i: usize, rays: &mut u64) -> Vec3 {
-        let (half_u, half_v, lift) = self.grid.footprint(i);
+        let footprint = self.grid.footprint(i, emitter.is_sharp());
+        let whole = self.visibility_over(emitter, i, footprint, rays);
+        // Where all samples strayed into something, the middle of the texel stands for it.
+        whole.or_else(|| self.visibility_over(emitter, i, NO_FOOTPRINT, rays)).unwrap_or(Vec3::ZERO)
+    }
+
+    /// The same over a footprint; none where no sample of it sees the emitter's side.
+    fn visibility_over<E: Emitter>(
+        &self,
+        emitter: &E,
+        i: usize,
+        (half_u, half_v, lift): (Vec3, Vec3, f32),
+        rays: &mut u64,
+    ) -> Option<Vec3> {
         let mut receiver = self.grid.receiver[i];
+        let free = Free::of(self.grid.elements, self.grid.id[i], &receiver, half_u, half_v);
         let clear = receiver.origin_world - receiver.position_world;
         let centre = receiver.position_world + receiver.normal_geometric * lift;
         let (mut all, mut passed) = (Vec3::ZERO, Vec3::ZERO);
@@ -356,6 +351,9 @@ impl<T: Tracer> Work<'_, T> {
             }
             receiver.position_world = centre + half_u * (2.0 * s - 1.0) + half_v * (2.0 * t - 1.0);
             receiver.origin_world = receiver.position_world + clear;
+            if free.is_some_and(|free| free.is_left(&receiver, self.tracer, rays)) {
+                continue;
+            }
             let Some(shadow) = emitter.shadow_ray(&receiver, [u, v]) else { continue };
             *rays += u64::from(T::SENDS);
             all += shadow.weight;
@@ -364,9 +362,10 @@ impl<T: Tracer> Work<'_, T> {
                 break;
             }
         }
-        Vec3::from_array(std::array::from_fn(
-            |k| if all[k] > 0.0 { (passed[k] / all[k]).min(1.0) } else { 0.0 },
-        ))
+        (all != Vec3::ZERO).then(|| {
+            let share = |k: usize| if all[k] > 0.0 { (passed[k] / all[k]).min(1.0) } else { 0.0 };
+            Vec3::from_array(std::array::from_fn(share))
+        })
     }
 
     /// The refined visibility; inside a wide penumbra the mean of the 3×3 neighbourhood, whose nine sample sets

@@ -11,6 +11,7 @@ mod area;
 mod block;
 mod emitters;
 mod faint;
+mod footprint;
 mod index;
 mod penumbra;
 mod point;

@@ -4,7 +4,8 @@
 //! A sample is buried when every ray of its hemisphere says so: the first thing it meets, not counting solids it
 //! passes through altogether, is the back of a surface whose back is never lit. Under a ceiling without an underside,
 //! among double-sided leaves or next to a wall some ray always says otherwise. A sample is pressed when something
-//! opaque lies right above it, closer than the lightmap can show: a carpet on a floor, a cupboard at a wall.
+//! opaque lies right above it, closer than the lightmap can show: a carpet on a floor, a cupboard at a wall; or when
+//! something opaque touches it face to face.
 
 use super::charts::ChartPlan;
 use super::near::Near;
@@ -52,6 +53,9 @@ pub(super) enum Verdict {
 /// something there, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Walls([(Vec3, f32); LOW]);
+
+/// What stands around a sample that is covered, not walled in.
+const NOWHERE: Walls = Walls([(Vec3::ZERO, 0.0); LOW]);
 
 impl Walls {
     /// Whether a point that far from the sample may lie beyond a wall. The nearest direction is at most 22.5° off the
@@ -127,6 +131,7 @@ impl<'a, T: Tracer> Judge<'a, T> {
     pub(super) fn judge(&self, probe: &Probe<T>, spot: &Spot) -> Verdict {
         match self.buried(probe, spot) {
             Some(walls) => Verdict::Buried(walls),
+            None if self.touched(spot) => Verdict::Buried(NOWHERE),
             None if self.crowded(probe, spot) => Verdict::Crowded,
             None => Verdict::Free,
         }
@@ -141,7 +146,7 @@ impl<'a, T: Tracer> Judge<'a, T> {
         let matter = self.matter(first.triangle);
         let parallel = || self.world().normal(first.triangle).dot(normal).abs() > COVERS;
         if matter != Matter::Clear && first.t < spot.pressed_m && parallel() {
-            return Some(Walls([(Vec3::ZERO, 0.0); LOW]));
+            return Some(NOWHERE);
         }
         // The usual answer, without asking further: the sample sees the front of something.
         if first.front || matter != Matter::Solid {
@@ -152,7 +157,7 @@ impl<'a, T: Tracer> Judge<'a, T> {
             .try_normalize()
             .unwrap_or_else(|| normal.any_orthonormal_vector());
         let across = normal.cross(along);
-        let mut walls = Walls([(Vec3::ZERO, 0.0); LOW]);
+        let mut walls = NOWHERE;
         for (i, [x, y, z]) in self.slanted.into_iter().enumerate() {
             let direction = (along * x + across * y + normal * z).normalize();
             let distance = self.inside_along(probe, Ray::unbounded(origin, direction))?;
@@ -163,6 +168,22 @@ impl<'a, T: Tracer> Judge<'a, T> {
             }
         }
         Some(walls)
+    }
+
+    /// Whether something solid lies face to face with the sample, as a floor does with the underside of what stands on
+    /// it. Rays that leave either start beyond the other, since no rounding tells which comes first.
+    fn touched(&self, spot: &Spot) -> bool {
+        let (world, normal) = (self.world(), spot.normal_geometric);
+        // Seen from its back, a surface faces away from itself.
+        let own = world.surface_of(spot.triangle);
+        let is_back = world.normal(spot.triangle).dot(normal) < 0.0;
+        let rounding = world.offset_origin(spot.triangle, spot.on_plane, normal) - spot.on_plane;
+        let reach = Vec3::splat(rounding.length());
+        self.near.any(spot.on_plane - reach, spot.on_plane + reach, |t| {
+            self.matter(t) == Matter::Solid
+                && world.normal(t).dot(normal) < -COVERS
+                && !(is_back && world.surface_of(t) == own)
+        })
     }
 
     /// The distance to the back that says that the ray's origin is inside; `None` when the ray says it is not.
