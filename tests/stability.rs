@@ -59,5 +59,6 @@ groups! {
     skies
     geometry
     extremes
+    written
     invariance
 }

@@ -15,7 +15,7 @@ pub const COARSE: [Method; 3] =
     [Method::Rays(4096), Method::Hemicube { resolution: 64, points: 2 }, Method::Analytic];
 
 /// C-11 of Howell's catalogue, from 30-digit arithmetic: a, b, distance, factor.
-pub const PARALLEL: [(f64, f64, f64, f64); 13] = [
+pub const PARALLEL: [(f64, f64, f64, f64); 14] = [
     (1.0, 1.0, 1.0, 0.199824895698387),
     (2.0, 1.0, 1.0, 0.285875384850715),
     (1.0, 1.0, 0.5, 0.415253283577147),
@@ -28,6 +28,7 @@ pub const PARALLEL: [(f64, f64, f64, f64); 13] = [
     (1.0, 1.0, 0.1, 0.826994522397257),
     (1.0, 1.0, 0.01, 0.980416602925973),
     (1.0, 1.0, 1e-3, 0.99800563190758),
+    (1.0, 1.0, 1e-4, 0.999800070977788),
     (1.0, 1.0, 1e-6, 0.99999800001003),
 ];
 

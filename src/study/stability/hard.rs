@@ -1,8 +1,9 @@
 //! Whole bakes of geometry that breaks lightmappers: thin walls, duplicates, needles, nothing at all.
 
 use super::Check;
+use super::baked::{Baked, farthest};
 use super::bakes::{ROUNDING, lawful};
-use super::model::{Baked, Model, Place, effort, farthest};
+use super::model::{Model, Place, effort};
 use crate::error::Result;
 use crate::options::Quality;
 use glam::{Vec3, vec3};
@@ -14,7 +15,7 @@ const WHY_ROUNDING: &str = "f32 of positions and of the stored value: 32 ulp";
 pub fn geometry() -> Result<Vec<Check>> {
     let mut checks = Vec::new();
     for place in Place::ALL {
-        for part in [thin_wall, junctions, sheets, mirrored, needles, buried, tiny] {
+        for part in [thin_wall, junctions, ring, sheets, mirrored, needles, buried, tiny] {
             checks.extend(part(&place)?.into_iter().map(|check| check.at(place.name)));
         }
     }
@@ -89,6 +90,45 @@ fn junctions(place: &Place) -> Result<Vec<Check>> {
         ),
         Check::fact("all is finite, none negative", lawful(&baked), "law"),
     ])
+}
+
+/// A closed ring of facets, seen from inside, with soft lamps around it: the planes of its facets reach through it.
+fn ring(place: &Place) -> Result<Vec<Check>> {
+    const AROUND: u32 = 48;
+    const ACROSS: u32 = 12;
+    let mut model = Model::default();
+    let bright = model.material(0.999, 0.0);
+    let turn = |k: u32, of: u32| (k as f32 / of as f32 * std::f32::consts::TAU).sin_cos();
+    let corner = |i: u32, j: u32| {
+        let ((sin, cos), (up, out)) = (turn(i, AROUND), turn(j, ACROSS));
+        let radius = 1.0 + 0.25 * out;
+        vec3(radius * cos, 0.25 * up, radius * sin)
+    };
+    let position: Vec<Vec3> =
+        (0..AROUND).flat_map(|i| (0..ACROSS).map(move |j| (i, j))).map(|(i, j)| corner(i, j)).collect();
+    let at = |i: u32, j: u32| i % AROUND * ACROSS + j % ACROSS;
+    let facet = |(i, j): (u32, u32)| {
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        [[a, b, c], [a, c, d]]
+    };
+    let triangles: Vec<[u32; 3]> =
+        (0..AROUND).flat_map(|i| (0..ACROSS).map(move |j| (i, j))).flat_map(facet).collect();
+    let inside = model.mesh(&position, &triangles, bright);
+    for z in [-0.6, 0.0, 0.6] {
+        model.point(vec3(0.4, 1.5, z), 1e4, 1.0);
+    }
+    let mut checks = Vec::new();
+    for quality in [Quality::Draft, Quality::Preview] {
+        let baked = model.bake(place, &effort(quality, 128))?;
+        checks.push(Check::new(
+            format!("inside of a closed ring with soft lamps around it, {quality:?}, brightest texel"),
+            0.0,
+            brightest(&baked, &[inside]),
+            0.0,
+            "no way leads there; samples of a texel that lie beyond a neighbouring facet are lifted above it",
+        ));
+    }
+    Ok(checks)
 }
 
 /// Two sheets in one place; a floor upside down; leaves with two sides; triangles without area.
@@ -248,17 +288,30 @@ fn buried(place: &Place) -> Result<Vec<Check>> {
     let mut model = Model::default();
     let black = model.material(0.0, 0.0);
     let floor = model.quad(vec3(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, black);
-    model.block(vec3(-0.513, 0.0, -0.487), vec3(0.507, 1.0, 0.491), black);
+    let block = model.block(vec3(-0.513, 0.0, -0.487), vec3(0.507, 1.0, 0.491), black);
     model.sun(Vec3::Y, 2.0, 0.0);
     let baked = model.bake(place, &effort(Quality::Draft, 64))?;
     let (expected, found) = farthest(&baked.texels(floor), |_| 2.0);
-    Ok(vec![Check::new(
-        "floor around a block in the sun, worst valid texel",
-        expected,
-        found,
-        ROUNDING,
-        "samples stand in the free part of their texel; the sun is overhead",
-    )])
+    let under = block.into_iter().filter(|&side| {
+        let texels = baked.texels(side);
+        !texels.is_empty() && texels.iter().all(|texel| texel.at.y.abs() < 1e-3)
+    });
+    Ok(vec![
+        Check::new(
+            "floor around a block in the sun, worst valid texel",
+            expected,
+            found,
+            ROUNDING,
+            "samples stand in the free part of their texel; the sun is overhead",
+        ),
+        Check::new(
+            "undersides of the block that count as lit",
+            0.0,
+            under.count() as f64,
+            0.0,
+            "what lies face to face with the floor is covered",
+        ),
+    ])
 }
 
 /// A receiver of 1e-4 m under a square of 1 m, areas of 1e-8 : 1: what a point under its middle sees.

@@ -1,8 +1,9 @@
 //! Whole bakes of direct light: every kind of lamp against its closed form, at every texel's own place.
 
 use super::Check;
+use super::baked::farthest;
 use super::bakes::ROUNDING;
-use super::model::{Model, Place, effort, farthest};
+use super::model::{Model, Place, effort};
 use crate::error::{Error, Result};
 use crate::options::Quality;
 use glam::{DVec3, Vec3, dvec3, vec3};

@@ -6,6 +6,7 @@
 pub mod way;
 pub mod world;
 
+pub mod baked;
 mod bakes;
 mod bodies;
 mod check;
@@ -19,6 +20,7 @@ mod points;
 mod same;
 mod skies;
 mod solutions;
+mod written;
 
 pub use check::Check;
 pub use factors::{PARALLEL, PERPENDICULAR};
@@ -61,6 +63,7 @@ pub const GROUPS: &[Group] = &[
         "reflectance, brightness and size at their limits, nothing, nonsense",
         limits::extremes,
     ),
+    group("written", "vertices, indices and attributes as files write them, whole bakes", written::writings),
     group("invariance", "turned, moved, scaled, renamed, cut", same::invariance),
 ];
 

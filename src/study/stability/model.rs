@@ -1,6 +1,6 @@
 //! Scenes as a file in memory, read like any user's, and the light that a bake finds in them.
 
-use crate::bake::{self, Lit, Run};
+use super::baked::Baked;
 use crate::error::Result;
 use crate::import;
 use crate::options::{BakeOptions, ImportOptions, LampUnits, Quality, SkyOption};
@@ -41,9 +41,24 @@ impl Place {
     }
 }
 
+/// How the vertices of a file are written.
+#[derive(Clone, Copy, Default)]
+pub struct Written {
+    /// Added to every vertex of every mesh, in f32; nodes bring none of it back.
+    pub by: Vec3,
+    /// Three vertices of its own for each triangle, and no indices.
+    pub loose: bool,
+    /// Texture coordinates of this value, which nothing uses.
+    pub texcoord: Option<f32>,
+    /// Vertex colours of this value.
+    pub colour: Option<f32>,
+}
+
 /// A glTF file that grows. Surfaces are numbered as they come.
 #[derive(Clone, Default)]
 pub struct Model {
+    /// How vertices are written from here on.
+    pub written: Written,
     bin: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
@@ -61,6 +76,11 @@ impl Model {
     /// Nothing, under a sky of this radiance from everywhere.
     pub fn under_sky(sky: f32) -> Self {
         Self { sky, ..Self::default() }
+    }
+
+    /// Nothing yet; vertices will be written like this.
+    pub fn written(written: Written) -> Self {
+        Self { written, ..Self::default() }
     }
 
     /// A grey material that glows with this radiance.
@@ -90,19 +110,44 @@ impl Model {
         self.views.len() - 1
     }
 
-    /// A mesh of its own node, without normals or texture coordinates; returns its surface.
+    fn accessor(&mut self, accessor: Value) -> usize {
+        self.accessors.push(accessor);
+        self.accessors.len() - 1
+    }
+
+    /// A mesh of its own node, without normals and, unless [`Self::written`] says so, texture coordinates; returns its
+    /// surface.
     pub fn mesh(&mut self, position: &[Vec3], triangles: &[[u32; 3]], material: usize) -> usize {
-        let positions = self.view(bytemuck::cast_slice(position));
-        let indices = self.view(bytemuck::cast_slice(triangles));
+        let Written { by, loose, texcoord, colour } = self.written;
+        let moved = |p: Vec3| p + by;
+        let position: Vec<Vec3> = if loose {
+            triangles.as_flattened().iter().map(|&i| moved(position[i as usize])).collect()
+        } else {
+            position.iter().copied().map(moved).collect()
+        };
+        let count = position.len();
+        let positions = self.view(bytemuck::cast_slice(&position));
         let least = position.iter().copied().fold(Vec3::INFINITY, Vec3::min).to_array();
         let most = position.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max).to_array();
-        self.accessors.push(json!({"bufferView": positions, "componentType": 5126, "type": "VEC3",
-            "count": position.len(), "min": least, "max": most}));
-        self.accessors.push(json!({"bufferView": indices, "componentType": 5125, "type": "SCALAR",
-            "count": 3 * triangles.len()}));
-        let at = self.accessors.len() - 2;
-        self.meshes.push(json!({"name": format!("shape {}", self.meshes.len()), "primitives": [
-            {"attributes": {"POSITION": at}, "indices": at + 1, "material": material}]}));
+        let position = json!({"bufferView": positions, "componentType": 5126, "type": "VEC3", "count": count,
+            "min": least, "max": most});
+        let mut primitive =
+            json!({"attributes": {"POSITION": self.accessor(position)}, "material": material});
+        if !loose {
+            let view = self.view(bytemuck::cast_slice(triangles));
+            let all = 3 * triangles.len();
+            let indices = json!({"bufferView": view, "componentType": 5125, "type": "SCALAR", "count": all});
+            primitive["indices"] = json!(self.accessor(indices));
+        }
+        for (name, kind, wide, value) in [("TEXCOORD_0", "VEC2", 2, texcoord), ("COLOR_0", "VEC3", 3, colour)]
+        {
+            if let Some(value) = value {
+                let view = self.view(bytemuck::cast_slice(&vec![value; wide * count]));
+                let floats = json!({"bufferView": view, "componentType": 5126, "type": kind, "count": count});
+                primitive["attributes"][name] = json!(self.accessor(floats));
+            }
+        }
+        self.meshes.push(json!({"name": format!("shape {}", self.meshes.len()), "primitives": [primitive]}));
         let mesh = self.meshes.len() - 1;
         self.nodes.push(json!({"name": format!("object {mesh}"), "mesh": mesh}));
         mesh
@@ -302,91 +347,4 @@ pub fn effort(quality: Quality, page_size: u32) -> BakeOptions {
     let mut options = BakeOptions { light: quality.light(), ..BakeOptions::default() };
     options.atlas.page_size = page_size;
     options
-}
-
-/// A scene with its light.
-pub struct Baked {
-    /// As it was read.
-    pub scene: Scene,
-    /// Where it was put.
-    pub place: Place,
-    /// Its light.
-    pub lit: Lit,
-}
-
-/// An element of a surface.
-#[derive(Clone, Copy, Debug)]
-pub struct Texel {
-    /// Its number.
-    pub element: usize,
-    /// Its sample, as the model has it.
-    pub at: DVec3,
-    /// All irradiance, the mean of the channels.
-    pub irradiance: f64,
-    /// World m².
-    pub area: f64,
-}
-
-impl Baked {
-    /// Lights a scene.
-    pub fn of(scene: Scene, place: Place, options: &BakeOptions) -> Result<Self> {
-        let lit = bake::light(&scene, options, &Run::default())?;
-        Ok(Self { scene, place, lit })
-    }
-
-    /// All valid elements of a surface's front.
-    pub fn texels(&self, surface: usize) -> Vec<Texel> {
-        self.side(surface, false)
-    }
-
-    /// All valid elements of a side of a surface.
-    pub fn side(&self, surface: usize, back: bool) -> Vec<Texel> {
-        let elements = &self.lit.elements;
-        let charts = elements.charts.iter().filter(|c| c.surface as usize == surface && c.back == back);
-        charts
-            .flat_map(|c| c.elements.start as usize..c.elements.end as usize)
-            .filter(|&e| elements.valid[e])
-            .map(|element| Texel {
-                element,
-                at: self.place.in_model(&self.scene, elements.position_world[element]),
-                irradiance: f64::from(self.lit.irradiance(element).mean()),
-                area: f64::from(elements.area[element].0),
-            })
-            .collect()
-    }
-
-    /// Of all surfaces.
-    pub fn all(&self) -> Vec<Texel> {
-        (0..self.scene.surfaces.len()).flat_map(|surface| self.texels(surface)).collect()
-    }
-
-    /// The texel of a surface that is nearest to a place of the model.
-    pub fn nearest(&self, surface: usize, at: DVec3) -> Option<Texel> {
-        let distance = |texel: &Texel| texel.at.distance_squared(at);
-        self.texels(surface).into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
-    }
-}
-
-/// Mean irradiance by area.
-pub fn mean(texels: &[Texel]) -> f64 {
-    let (mut sum, mut area) = (0.0, 0.0);
-    for texel in texels {
-        sum += texel.irradiance * texel.area;
-        area += texel.area;
-    }
-    sum / area
-}
-
-/// What is expected and found at the texel that is farthest off, relatively; absolutely where nothing is expected.
-pub fn farthest(texels: &[Texel], expected: impl Fn(&Texel) -> f64) -> (f64, f64) {
-    let mut worst = (f64::NAN, f64::NAN, -1.0);
-    for texel in texels {
-        let expected = expected(texel);
-        let off = (texel.irradiance - expected).abs();
-        let off = if expected == 0.0 { off } else { off / expected.abs() };
-        if off > worst.2 || off.is_nan() {
-            worst = (expected, texel.irradiance, off);
-        }
-    }
-    (worst.0, worst.1)
 }

@@ -2,40 +2,44 @@
 //! into how many pieces its walls are cut.
 
 use super::Check;
+use super::baked::{Baked, deviation, half_range, mean};
+use super::bakes::{noise, strict};
 use super::limits::furnished;
-use super::model::{Baked, Model, Place, effort, mean};
+use super::model::{Model, Place};
 use crate::error::Result;
-use crate::options::Quality;
 use glam::{DQuat, DVec3, Vec3, dvec3, vec3};
 use serde_json::json;
 
 /// All of them, against the scene as it was built.
 pub fn invariance() -> Result<Vec<Check>> {
-    let mut options = effort(Quality::Good, 128);
-    options.light.gather.tolerance = 0.0;
-    let rays = f64::from(options.light.gather.rays);
-    // Reflected light is a half to two thirds here and deviates by its own mean over the view, the lamp being bright.
-    let noise = 4.0 * 0.6 * rays.powf(-0.625);
+    let options = strict(128);
     let base = furnished(3.0).bake(&Place::HERE, &options)?;
+    let texels = base.all();
+    // Of what arrives no more than 0.7 is reflected.
+    let [everywhere, anywhere] = [deviation(&texels), half_range(&texels)].map(|off| 2.0 * noise(0.7 * off));
+    // A texel's middle stands for it: h²/24 of a curvature of 6/d² along two axes, the nearest lit thing being 1.5 m from
+    // the lamp.
+    let width_squared = texels.iter().map(|texel| texel.area).sum::<f64>() / texels.len() as f64;
+    let middles = 2.0 * 2.0 * width_squared / 24.0 * 6.0 / (1.5 * 1.5);
     let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 0.7);
     let mut checks = Vec::new();
     let mut compare = |case: &str, other: &Baked, walls: &[usize]| {
-        let why = "two sets of samples: noise of gathers, 4 × 0.6 N^(−5/8), each; for means that of a hundred of them; \
-                   texels lie elsewhere, h²";
+        let why = "two sets of samples: noise of a gather, 4 N^(−5/8) times the deviation of what it meets (half of its range, \
+                   around a place), each; texels lie elsewhere, h²";
         let (a, b) = (mean(&base.all()), mean(&other.all()));
-        checks.push(Check::new(format!("{case}: mean"), a, b, 2.0 * noise / 10.0 + 1e-3, why));
+        checks.push(Check::new(format!("{case}: mean"), a, b, everywhere + middles, why));
         for (name, surface, at) in [
             ("floor", 2, dvec3(3.1, 0.0, 3.3)),
             ("ceiling", 3, dvec3(1.1, 3.0, 4.1)),
             ("wall", 1, dvec3(4.0, 1.4, 2.2)),
         ] {
             let around = |baked: &Baked, surface: usize| {
-                let near = |texel: &super::model::Texel| texel.at.distance(at) < 0.4;
+                let near = |texel: &super::baked::Texel| texel.at.distance(at) < 0.4;
                 let texels: Vec<_> = baked.texels(surface).into_iter().filter(near).collect();
                 mean(&texels)
             };
             // 0.4 m around hold ten texels and more, whose middle is off by a quarter of one: 2 cm of 1 m.
-            let bound = 2.0 * noise / 3.0 + 0.02;
+            let bound = anywhere + 0.02;
             let (a, b) = (around(&base, surface), around(other, walls[surface]));
             checks.push(Check::new(format!("{case}: around a place on the {name}"), a, b, bound, why));
         }

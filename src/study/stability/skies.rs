@@ -1,8 +1,9 @@
 //! Whole bakes under a sky: walls, canyons, windows, an overcast image.
 
 use super::Check;
+use super::baked::{Baked, farthest, mean};
 use super::bakes::ROUNDING;
-use super::model::{Baked, Model, Place, effort, farthest, mean};
+use super::model::{Model, Place, effort};
 use crate::error::Result;
 use crate::options::{BakeOptions, Quality};
 use crate::scene::{Sky, SkyImage};

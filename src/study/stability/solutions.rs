@@ -157,6 +157,21 @@ pub fn shells() -> Result<Vec<Check>> {
                 checks.push(Check::new(case, expected[i], b[i].x, bound, why));
             }
         }
+        // Planes without end see nothing but each other.
+        for (rho, expected) in [(0.8, [2.7777777778, 2.2222222222]), (0.99, [50.2512562814, 49.7487437186])] {
+            let make = |patch: usize, row: &mut Row| {
+                (row.column, row.weight, row.miss) = (vec![1 - patch as u32], vec![1.0], 0.0);
+            };
+            let source = vec![grey(1.0), grey(0.0)];
+            let problem = Problem::new(vec![1.0; 2], vec![grey(rho); 2], source, Made::new(2, make))?;
+            let b = way.solve(&problem)?.radiosity;
+            for i in 0..2 {
+                let case = format!("planes without end, ρ = {rho}: plane {}", i + 1);
+                let why = "an unshot share of 1e-12 grows by 1/(1 − ρ); digits of the table";
+                let bound = 2e-12 / (1.0 - rho) + 5e-11;
+                checks.push(Check::new(case, expected[i], b[i].x, bound, why));
+            }
+        }
         let mut numbers = Numbers(5);
         let source: Vec<_> = (0..40).map(|_| numbers.colour()).collect();
         let mean = source.iter().sum::<DVec3>() / 40.0;
