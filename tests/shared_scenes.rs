@@ -217,7 +217,7 @@ fn run_all(paths: &[PathBuf], runs: &[(&str, i32)]) {
 }
 
 /// As little as makes a bake.
-const BAKE: &str = "bake -o out.glb --quality draft --page-size 32 --threads 1 -q";
+const BAKE: &str = "bake -o out.glb --quality draft --page-size 64 --threads 1 -q";
 
 #[test]
 fn the_command_refuses_broken_files_with_words_and_exit_code_1() {

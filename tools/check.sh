@@ -4,7 +4,7 @@
 # chromium where there is none and it may. Exit code 0: everything passed.
 #
 # usage: tools/check.sh [--long [MINUTES]]   --long goes on with tools/long_check.sh: fuzzing for MINUTES (default: 60), kills,
-#                                            valgrind, scenes of others
+#                                            assertions, sanitizers, scenes of others
 #
 # Needs cargo, g++, npm and Python 3.11; the first run fetches Blender as a Python module (about 300 MB).
 set -euo pipefail

@@ -3,10 +3,13 @@
 #
 # usage: tools/long_check.sh [MINUTES [DIR]]   fuzzes for MINUTES in all (default: 60), keeps pictures, reports and crashes
 #                                              in DIR (default: target/long)
-#        tools/long_check.sh --only PART...    parts: fuzz kills memory effects blender
+#        tools/long_check.sh --only PART...    parts: fuzz kills debug memory effects blender
 # fuzz     every target of fuzz/ in turn, from the fixtures and, where they lie beside the project, scenes of others
 # kills    500 bakes killed instead of 50, 20,000 damaged files instead of 1,500
-# memory   valgrind's memcheck over what calls xatlas, which is C++, and over bakes of damaged files
+# debug    the tests of the numeric stages with debug assertions, which check the laws after every step of every solver,
+#          and with checks of integer overflow
+# memory   valgrind's memcheck over what calls xatlas, which is C++, and over bakes of damaged files; then xatlas alone under
+#          AddressSanitizer and UndefinedBehaviorSanitizer with random meshes, for five minutes
 # effects  instructions of bakes with and without the code of effects that the scene does not call for
 # blender  round trips of .blend files that the project did not make, of the fixtures against Cycles, and of the light that
 #          glTF drops in the next Blender too; pictures in EEVEE
@@ -17,7 +20,7 @@
 # about 20 minutes on two cores.
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-minutes=60 out=target/long parts=(fuzz kills memory effects blender)
+minutes=60 out=target/long parts=(fuzz kills debug memory effects blender)
 if [[ ${1-} == --only ]]; then
   shift
   parts=("$@")
@@ -80,6 +83,21 @@ kills() {
     cargo test --release --test faults --test bad_input --lib -- killed damage no_bytes
 }
 
+debug() {
+  # Of this package alone: what it depends on stays as it was built.
+  cargo test --release --config 'profile.release.package.lightkiln.debug-assertions=true' \
+    --config 'profile.release.package.lightkiln.overflow-checks=true' --lib --test solvers --test stability \
+    --test determinism --test plan --test gather --test form_factors --test bad_input -- --skip speed
+}
+
+sanitize() { # SECONDS
+  local manifest
+  manifest=$(cargo metadata --locked --format-version 1 |
+    python3 -c 'import json, sys; print(next(p["manifest_path"] for p in json.load(sys.stdin)["packages"] if p["name"] == "xatlas-rs-v2"))') || return
+  g++ -std=c++14 -O1 -g -w -DNDEBUG -DXA_MULTITHREADED=0 -fsanitize=address,undefined -fno-sanitize-recover=undefined \
+    -I "$(dirname "$manifest")/vendor/source/xatlas" -o "$out/xatlas" fuzz/xatlas.cpp && "$out/xatlas" "$1"
+}
+
 memory() {
   command -v valgrind >/dev/null || { apt-get install -y -qq valgrind >/dev/null || return; }
   local unit property
@@ -88,7 +106,8 @@ memory() {
   property=$(cargo test --release --no-run --test bad_input 2>&1 | sed -n 's/.*(\(target.*\))$/\1/p')
   local grind=(valgrind --quiet --error-exitcode=9 --leak-check=full --errors-for-leak-kinds=definite)
   "${grind[@]}" "$unit" atlas:: --skip speed --test-threads 1 &&
-    LIGHTKILN_DAMAGED=60 "${grind[@]}" "$property" damaged --test-threads 1
+    LIGHTKILN_DAMAGED=60 "${grind[@]}" "$property" damaged --test-threads 1 &&
+    sanitize 300
 }
 
 round_trip() { # NAME PYTHON ARGUMENTS...: counted by its closing line
@@ -128,7 +147,8 @@ for part in "${parts[@]}"; do
   case $part in
     fuzz) check "fuzzing, $minutes min" fuzz ;;
     kills) check "kills and damage" kills ;;
-    memory) check "valgrind" memory ;;
+    debug) check "debug assertions" debug ;;
+    memory) check "valgrind and sanitizers" memory ;;
     effects) check "code of absent effects" python3 tools/absent_effects.py ;;
     blender) blender ;;
     *)
