@@ -219,7 +219,8 @@ fn light_into(
         Ok((atlas::unwrap(scene, &plan.sides, &options.atlas, progress)?, 0))
     })?;
     let (limit, left) = (log.run.memory_limit_bytes, log.run.memory_available_bytes);
-    let predicted_memory_bytes = memory::check(scene, &atlas, options.light.solve.patches, limit, left)?;
+    let predicted_memory_bytes =
+        memory::check(scene, &atlas, &plan, options.light.solve.patches, limit, left)?;
     let world = log.stage(Stage::Transport, 1, |_| Ok((World::new(scene), 0)))?;
     let blocking = if plan.work.tinted { Blocking::Tinted } else { world.blocking() };
     let tracer = AnyTracer::new(blocking, &world, scene);

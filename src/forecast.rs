@@ -3,34 +3,38 @@
 //! The plan and texture space are made in full; what the light stages take is found by two trials at a fraction of the
 //! density and carried on, stage by stage: what is spent on areas grows with the square of the density, what is spent on
 //! edges and shadow borders with the density itself. So it holds for any machine, and for scenes whose cost no count of
-//! triangles would tell.
+//! triangles would tell. How the seconds of a stage divide among its texels, rays and patches is modelled; how
+//! long they are here is measured by the trials.
 
-use crate::atlas;
+mod model;
+mod savings;
+
+use crate::atlas::{self, HIDDEN_DENSITY};
 use crate::audit;
 use crate::bake::{Lit, Run, in_pool, light, wanted};
 use crate::error::Result;
 use crate::memory;
 use crate::options::{AtlasOptions, BakeOptions, Goal, LightOptions};
-use crate::plan::{Finding, plan};
+use crate::plan::{Finding, Proven};
 use crate::progress::{Progress, Stage};
 use crate::scene::Scene;
+use model::{Load, Speed};
+use savings::Counted;
 use serde::Serialize;
+use std::cell::OnceCell;
 
-/// Densities of the trials, as shares of the bake's: their texels are about 1/81 and 1/9 of all.
-const TRIALS: [f32; 2] = [1.0 / 9.0, 1.0 / 3.0];
-/// The same of small bakes: a ninth of their texels would be too few to tell from, and more of them cost little.
-const TRIALS_OF_SMALL: [f32; 2] = [1.0 / 3.0, 2.0 / 3.0];
-/// Covered texels of a small bake.
-const SMALL_TEXELS: f64 = 200_000.0;
-/// How often a trial is repeated, at the most; the shortest time counts.
+/// Bakes of at most so many covered texels, and the densities of their trials as shares of the bake's: of small bakes
+/// a ninth of the texels would be too few to tell from, and more of them cost little.
+const TRIALS: [(f64, [f32; 2]); 3] =
+    [(120_000.0, [1.0 / 3.0, 2.0 / 3.0]), (500_000.0, [0.25, 0.5]), (f64::INFINITY, [1.0 / 9.0, 1.0 / 3.0])];
+/// How often a trial is repeated, at the most; the mean counts, as what disturbs a trial disturbs a bake too.
 const REPEATS: usize = 3;
 /// Trials are repeated until they took this long together, seconds.
 const SHORT_SECONDS: f64 = 0.3;
-/// Resolving, encoding and writing a page, seconds a texel: 512² take 0.03 s on two cores of 2020's.
-const WRITE_SECONDS_PER_TEXEL: f64 = 1.2e-7;
-
-/// The rays of an audit go everywhere at once: they take so many times as long as others.
-const AUDIT_SLOWER: f64 = 1.7;
+/// Stages that send rays, in the order they run.
+const OF_RAYS: [Stage; 4] = [Stage::Elements, Stage::Direct, Stage::Solve, Stage::Gather];
+/// An audit goes on to the end of a round beyond its least rays.
+const AUDIT_BEYOND: f64 = 1.25;
 
 /// How many times the patches of the larger trial a bake has at the most.
 const MOST_MORE_PATCHES: f64 = 1.4;
@@ -47,9 +51,9 @@ fn grown([s, t]: [f64; 2], [low, high]: [f64; 2]) -> f64 {
 }
 
 /// What a bake will take.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Forecast {
-    /// Which effects are simulated and why.
+    /// Which effects are simulated, why, and what leaving the others out saves.
     pub effects: Vec<Finding>,
     /// Pages that will be written.
     pub pages: u32,
@@ -70,6 +74,12 @@ pub struct Forecast {
 }
 
 impl Forecast {
+    /// With the seconds that reading the file takes, which whoever has read the scene knows.
+    pub fn after_reading(mut self, seconds: f64) -> Self {
+        self.stages.insert(0, (Stage::Import, seconds));
+        self
+    }
+
     /// All stages, seconds.
     pub fn seconds(&self) -> f64 {
         self.stages.iter().map(|stage| stage.1).sum()
@@ -81,121 +91,154 @@ impl Forecast {
     }
 }
 
-/// Tells what baking a scene will take. Needs a clock in `run`, or all seconds are 0; takes about a tenth of the bake,
-/// and as long for texture space as the bake does.
+/// Tells what baking a scene will take. Needs a clock in `run`, or all seconds are 0; takes about a tenth of a large
+/// bake, up to half of a small one, and as long for texture space as the bake does.
 pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forecast> {
     in_pool(run.threads, || {
         let started = (run.clock)();
-        let plan = plan(scene, &wanted(options));
+        let wanted = wanted(options);
+        let proven = Proven::new(scene, wanted.direct_alone);
+        let plan = proven.plan(&wanted.forced);
         let planned = (run.clock)();
         let geometries = scene.geometries.len() as u64;
         let progress = Progress::begin(run.observer, run.cancel, Stage::Atlas, geometries);
         let atlas = atlas::unwrap(scene, &plan.sides, &options.atlas, &progress)?;
         let unwrapped = (run.clock)();
-        let memory_bytes = memory::predict(scene, &atlas, options.light.solve.patches);
-        let pages = atlas.pages.iter().filter(|page| page.exported);
-        let covered: f64 =
-            pages.map(|page| f64::from(page.size_texels).powi(2) * f64::from(atlas.fill)).sum();
-        let trials = if covered < SMALL_TEXELS { TRIALS_OF_SMALL } else { TRIALS };
-        let [small, large] = trials.map(|share| trial(scene, options, atlas.density * share, run));
-        let (small, large) = (small?, large?);
-
-        // Where nothing takes a lightmap there is no density.
-        let shares = if atlas.density > 0.0 {
-            [&small, &large].map(|lit| f64::from(lit.atlas.density) / f64::from(atlas.density))
-        } else {
-            trials.map(f64::from)
-        };
-        let texels = [&small, &large].map(|lit| lit.elements.len() as f64);
-        let hidden = [&small, &large].map(|lit| {
-            let charts = lit.elements.charts.iter().filter(|chart| !chart.exported);
-            charts.map(|chart| chart.elements.len()).sum::<usize>() as f64
-        });
-        let elements = covered + grown(shares, hidden);
-        let mut stages = vec![(Stage::Plan, planned - started), (Stage::Atlas, unwrapped - planned)];
-        let (mut rays, mut light_rays, mut patches) = (0.0, 0.0, large.light.patches as f64);
-        for stage in [Stage::Transport, Stage::Elements, Stage::Direct, Stage::Solve, Stage::Gather] {
-            let find = |lit: &Lit| lit.stages.iter().find(|report| report.stage == stage).cloned();
-            let Some(last) = find(&large) else { continue };
-            let first = find(&small);
-            let sent = first.as_ref().map_or(0.0, |first| first.rays as f64);
-            let growth = match stage {
-                Stage::Transport => 1.0,
-                // Nodes of the gather thin out faster than either law alone tells.
-                Stage::Gather if last.rays > 0 && sent > 0.0 => {
-                    let law = (last.rays as f64 / sent).ln() / (texels[1] / texels[0].max(1.0)).ln().max(0.1);
-                    let power = (elements / texels[1]).powf(law.clamp(0.0, 1.0));
-                    power.min(grown(shares, [sent, last.rays as f64]) / last.rays as f64)
-                }
-                _ if last.rays > 0 && stage != Stage::Elements => {
-                    grown(shares, [sent, last.rays as f64]) / last.rays as f64
-                }
-                _ => elements / texels[1].max(1.0),
-            };
-            // Patches are cut finer only where texels allow, and never beyond what was asked for by much.
-            let growth = if stage == Stage::Solve { growth.min(MOST_MORE_PATCHES) } else { growth };
-            if stage == Stage::Solve {
-                patches *= growth;
-            }
-            rays += last.rays as f64 * growth;
-            if stage != Stage::Elements {
-                light_rays += last.rays as f64 * growth;
-            }
-            // What the solver does with elements takes as long as its rays where patches are few.
-            let slower = match (stage, &first) {
-                (Stage::Solve, Some(first)) if last.seconds > 0.0 => {
-                    (grown(shares, [first.seconds, last.seconds]) / last.seconds)
-                        .clamp(1.0, 2.0 * MOST_MORE_PATCHES)
-                }
-                _ => growth,
-            };
-            stages.push((stage, last.seconds * slower));
-        }
-        let share = f64::from(options.light.audit_share);
-        if share > 0.0 && light_rays > 0.0 {
-            let light = [Stage::Direct, Stage::Solve, Stage::Gather];
-            let took =
-                stages.iter().filter(|stage| light.contains(&stage.0)).map(|stage| stage.1).sum::<f64>();
-            // Where the light needs few rays, its audit needs no more.
-            let audited = (share * light_rays).max(audit::LEAST_RAYS as f64).min(light_rays);
-            stages.push((Stage::Audit, AUDIT_SLOWER * audited * took / light_rays));
-            rays += audited;
-        }
-        let exported = atlas.pages.iter().filter(|page| page.exported);
-        let size = exported.clone().map(|page| page.size_texels).max().unwrap_or(0);
-        let pages = exported.count() as u32;
-        let written = f64::from(pages) * f64::from(size).powi(2) * WRITE_SECONDS_PER_TEXEL;
-        stages.push((Stage::Export, written));
-        Ok(Forecast {
-            effects: plan.effects,
-            pages,
-            page_size_texels: size,
+        let exported = || atlas.pages.iter().filter(|page| page.exported);
+        let page_texels: f64 = exported().map(|page| f64::from(page.size_texels).powi(2)).sum();
+        let mut foreseen = Forecast {
+            pages: exported().count() as u32,
+            page_size_texels: exported().map(|page| page.size_texels).max().unwrap_or(0),
             density_texels_per_m: atlas.density,
-            elements: elements as u64,
-            patches: patches as u64,
-            rays: rays as u64,
-            stages,
-            memory_bytes,
-        })
+            memory_bytes: memory::predict_planned(scene, &atlas, &plan, options.light.solve.patches),
+            stages: vec![(Stage::Plan, planned - started), (Stage::Atlas, unwrapped - planned)],
+            effects: plan.effects,
+            ..Forecast::default()
+        };
+        // Where nothing gets a lightmap there is nothing to try.
+        if foreseen.pages == 0 {
+            return Ok(foreseen);
+        }
+        let covered = page_texels * f64::from(atlas.fill);
+        let shares =
+            TRIALS.iter().find(|(most, _)| covered <= *most).map_or(TRIALS[0].1, |(_, shares)| *shares);
+        let [small, large] = shares.map(|share| trial(scene, options, atlas.density * share, run));
+        let trials = [small?, large?];
+        foresee(&mut foreseen, &trials, covered, page_texels, options);
+        let counted = Counted {
+            scene,
+            options,
+            proven: &proven,
+            trial: &trials[1],
+            share: f64::from(trials[1].atlas.density) / f64::from(atlas.density),
+            elements: foreseen.elements,
+            rays: foreseen.rays,
+            hidden_density: HIDDEN_DENSITY * f64::from(atlas.density),
+            world: OnceCell::new(),
+        };
+        for finding in foreseen.effects.iter_mut().filter(|finding| finding.can_be_forced) {
+            finding.saving.amounts = counted.amounts(finding.effect);
+        }
+        Ok(foreseen)
     })?
 }
 
-/// A bake at a lower density, with the shortest time of every stage of some repetitions.
+/// Carries two trials on to the whole.
+fn foresee(
+    foreseen: &mut Forecast,
+    trials: &[Lit; 2],
+    covered: f64,
+    page_texels: f64,
+    options: &BakeOptions,
+) {
+    let shares =
+        [0, 1].map(|k| f64::from(trials[k].atlas.density) / f64::from(foreseen.density_texels_per_m));
+    let texels = [0, 1].map(|k| trials[k].elements.len() as f64);
+    let hidden = [0, 1].map(|k| {
+        let charts = trials[k].elements.charts.iter().filter(|chart| !chart.exported);
+        charts.map(|chart| chart.elements.len()).sum::<usize>() as f64
+    });
+    let elements = covered + grown(shares, hidden);
+    let of = |k: usize, stage: Stage| {
+        let report = trials[k].stages.iter().find(|report| report.stage == stage);
+        report.map_or((0.0, 0.0), |report| (report.seconds, report.rays as f64))
+    };
+    let ran = |stage: Stage| trials[1].stages.iter().any(|report| report.stage == stage);
+    let mut patches = trials[1].light.patches as f64;
+    let mut speeds = [Speed::default(); OF_RAYS.len()];
+    let mut all = Speed::default();
+    let mut loads = [Load::default(); OF_RAYS.len()];
+    let mut light_rays = 0.0;
+    for (i, stage) in OF_RAYS.into_iter().enumerate().filter(|&(_, stage)| ran(stage)) {
+        let rays = [of(0, stage).1, of(1, stage).1];
+        let growth = match stage {
+            _ if rays[1] == 0.0 => 1.0,
+            // Nodes of the gather thin out faster than either law alone tells.
+            Stage::Gather if rays[0] > 0.0 => {
+                let law = (rays[1] / rays[0]).ln() / (texels[1] / texels[0].max(1.0)).ln().max(0.1);
+                let power = (elements / texels[1].max(1.0)).powf(law.clamp(0.0, 1.0));
+                power.min(grown(shares, rays) / rays[1])
+            }
+            _ => grown(shares, rays) / rays[1],
+        };
+        // Patches are cut finer only where texels allow, and never beyond what was asked for by much.
+        let growth = if stage == Stage::Solve { growth.min(MOST_MORE_PATCHES) } else { growth };
+        if stage == Stage::Solve {
+            patches *= growth;
+        }
+        loads[i] = Load { elements, rays: rays[1] * growth, patches, page_texels };
+        foreseen.rays += loads[i].rays as u64;
+        if stage != Stage::Elements {
+            light_rays += loads[i].rays;
+        }
+        for k in 0..2 {
+            let patches = trials[k].light.patches as f64;
+            let load = Load { elements: texels[k], rays: rays[k], patches, page_texels: 0.0 };
+            let (took, modelled) = (of(k, stage).0, model::seconds(stage, &load));
+            speeds[i].add(took, modelled);
+            // What a light costs is its own: nothing else is as slow or as fast.
+            if stage != Stage::Direct {
+                all.add(took, modelled);
+            }
+        }
+    }
+    foreseen.stages.push((Stage::Transport, of(1, Stage::Transport).0));
+    for (i, stage) in OF_RAYS.into_iter().enumerate().filter(|&(_, stage)| ran(stage)) {
+        foreseen.stages.push((stage, model::seconds(stage, &loads[i]) * speeds[i].beside(all.of_all())));
+    }
+    let whole = Load { elements, rays: 0.0, patches, page_texels };
+    let share = f64::from(options.light.audit_share);
+    if share > 0.0 && light_rays > 0.0 {
+        // Where the light needs few rays, its audit needs no more.
+        let rays = (share * light_rays).max(AUDIT_BEYOND * audit::LEAST_RAYS as f64).min(light_rays);
+        let seconds = model::seconds(Stage::Audit, &Load { rays, ..whole });
+        foreseen.stages.push((Stage::Audit, seconds * all.of_all()));
+        foreseen.rays += rays as u64;
+    }
+    for stage in [Stage::Resolve, Stage::Export] {
+        foreseen.stages.push((stage, model::seconds(stage, &whole) * all.of_all()));
+    }
+    (foreseen.elements, foreseen.patches) = (elements as u64, patches as u64);
+}
+
+/// A bake at a lower density, with the mean time of every stage of some repetitions.
 fn trial(scene: &Scene, options: &BakeOptions, density: f32, run: &Run) -> Result<Lit> {
-    let density = Some(density).filter(|&density| density > 0.0);
-    let atlas = AtlasOptions { density: density.or(options.atlas.density), ..options.atlas.clone() };
+    let atlas = AtlasOptions { density: Some(density), ..options.atlas.clone() };
     let light_options = LightOptions { audit_share: 0.0, ..options.light.clone() };
     let options = BakeOptions { atlas, light: light_options, goal: Goal::Effort, ..options.clone() };
     let quiet = Run { observer: &crate::progress::Silent, memory_limit_bytes: None, ..*run };
     let started = (run.clock)();
     let mut lit = light(scene, &options, &quiet)?;
+    let mut runs = 1.0;
     for _ in 0..REPEATS {
         if (run.clock)() - started < SHORT_SECONDS {
             let again = light(scene, &options, &quiet)?;
+            runs += 1.0;
             for (stage, other) in lit.stages.iter_mut().zip(&again.stages) {
-                stage.seconds = stage.seconds.min(other.seconds);
+                stage.seconds += other.seconds;
             }
         }
     }
+    lit.stages.iter_mut().for_each(|stage| stage.seconds /= runs);
     Ok(lit)
 }

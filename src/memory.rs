@@ -2,6 +2,7 @@
 
 use crate::atlas::Atlas;
 use crate::error::{Error, Result};
+use crate::plan::{Lights, Plan, Shining};
 use crate::scene::Scene;
 
 /// Bytes every texel of a page costs, lit or not: the map to elements, the stored value, its copies while it is
@@ -10,6 +11,11 @@ const PER_TEXEL: u64 = 4 + 12 + 1 + 12;
 /// Bytes every element costs: the rows of [`crate::elements::Elements`] (98), direct, coarse and indirect irradiance,
 /// radiosity, the sum (12 each), the gather's notes (5) and what audits ask for (2).
 const PER_ELEMENT: u64 = 98 + 5 * 12 + 5 + 2;
+/// What an element does without where all light comes straight from lamps: coarse irradiance, radiosity, the sum, the
+/// gather's notes.
+const PER_ELEMENT_REFLECTED: u64 = 3 * 12 + 5;
+/// More lights than this may be too many for every texel to ask: the faint ones are then gathered.
+const FEW_LIGHTS: usize = 16;
 /// Bytes a triangle costs: corners, tree, place in texture space.
 const PER_TRIANGLE: u64 = 260;
 /// Bytes a patch costs without its form factors.
@@ -50,6 +56,25 @@ pub fn predict(scene: &Scene, atlas: &Atlas, patches: u32) -> u64 {
         + u64::from(patches) * PER_PATCH
 }
 
+/// The same of a bake that follows a plan: without what it leaves out.
+pub fn predict_planned(scene: &Scene, atlas: &Atlas, plan: &Plan, patches: u32) -> u64 {
+    if plan.work.gather || many_lights(&plan.lights) {
+        return predict(scene, atlas, patches);
+    }
+    let pages = atlas.pages.iter();
+    let texels = pages.map(|page| {
+        let share = if page.exported { f64::from(atlas.fill) } else { 1.0 };
+        f64::from(page.size_texels).powi(2) * share
+    });
+    predict(scene, atlas, 0) - texels.sum::<f64>() as u64 * PER_ELEMENT_REFLECTED
+}
+
+/// Whether there may be more than [`FEW_LIGHTS`]: a glowing surface may be many.
+fn many_lights(lights: &Lights) -> bool {
+    let lamps = lights.lamps.iter().filter(|&&lamp| lamp != Shining::Not).count();
+    lamps > FEW_LIGHTS || lights.surfaces.iter().any(|&surface| surface != Shining::Not)
+}
+
 /// Share of the scene's surface that emits.
 fn emitting_share(scene: &Scene) -> f64 {
     let (mut emitting, mut all) = (0.0, 0.0);
@@ -73,11 +98,12 @@ fn emitting_share(scene: &Scene) -> f64 {
 pub fn check(
     scene: &Scene,
     atlas: &Atlas,
+    plan: &Plan,
     patches: u32,
     limit_bytes: Option<u64>,
     available_bytes: Option<u64>,
 ) -> Result<u64> {
-    let wanted = predict(scene, atlas, patches);
+    let wanted = predict_planned(scene, atlas, plan, patches);
     let too_large = |has: String| {
         let what = format!("the bake wants about {} and {has}", human(wanted));
         Err(Error::TooLarge { at: "memory".into(), what })

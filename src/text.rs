@@ -33,6 +33,19 @@ pub fn plural(number: u64, noun: &str) -> String {
     format!("{} {noun}{}", count(number), if number == 1 { "" } else { "s" })
 }
 
+/// 7, 312, 41,200, 1.23 million: three digits.
+pub fn about(number: u64) -> String {
+    match number {
+        0..1_000 => number.to_string(),
+        1_000..1_000_000 => {
+            let step = 10_u64.pow(number.ilog10() - 2);
+            count((number + step / 2) / step * step)
+        }
+        1_000_000..1_000_000_000 => format!("{} million", significant(number as f64 / 1e6)),
+        _ => format!("{} billion", significant(number as f64 / 1e9)),
+    }
+}
+
 /// 0.42 s, 12.3 s, 2:05, 1:02:05.
 pub fn duration(seconds: f64) -> String {
     let whole = seconds.max(0.0).round() as u64;

@@ -93,7 +93,7 @@ pub struct Atlas {
 }
 
 /// Hidden sides get this share of the texels per metre of the written ones.
-const HIDDEN_DENSITY: f64 = 0.25;
+pub const HIDDEN_DENSITY: f64 = 0.25;
 /// Largest page that can be asked for.
 const LARGEST_PAGE: u32 = 16384;
 
@@ -136,10 +136,10 @@ pub fn unwrap(scene: &Scene, sides: &[Sides], options: &AtlasOptions, progress: 
         list.sort_by_key(|&(s, back, ref part)| (part.node, s, back));
         list
     };
-    let (written, hidden) = (of_kind(Side::Lightmapped), of_kind(Side::Hidden));
+    let written = of_kind(Side::Lightmapped);
     let parts =
         |list: &[(usize, bool, Part)]| -> Vec<Part> { list.iter().map(|(.., part)| part.clone()).collect() };
-    let (written_parts, hidden_parts) = (parts(&written), parts(&hidden));
+    let written_parts = parts(&written);
     let job = Job {
         shapes: &shapes,
         woven: &woven,
@@ -154,19 +154,34 @@ pub fn unwrap(scene: &Scene, sides: &[Sides], options: &AtlasOptions, progress: 
         (false, Some(density)) => job.lay(f64::from(density), options.max_pages.max(1), progress)?,
         (false, None) => job.fill(options.max_pages.max(1), progress)?,
     };
-    let job = Job { parts: &hidden_parts, announced: false, ..job };
-    let unseen = match (hidden.is_empty(), options.density.map(f64::from)) {
-        (true, _) => Layout::default(),
-        (false, _) if !written.is_empty() => job.lay_tightly(exported.density * HIDDEN_DENSITY, progress)?,
-        (false, Some(density)) => job.lay_tightly(density * HIDDEN_DENSITY, progress)?,
-        (false, None) => Job { page_size: (job.page_size / 4).max(64), ..job }.fill(u32::MAX, progress)?,
+    let unseen = |kind: Side| -> Result<(Vec<(usize, bool, Part)>, Layout)> {
+        let list = of_kind(kind);
+        let parts = parts(&list);
+        let job = Job { parts: &parts, announced: false, ..job };
+        let laid = match (list.is_empty(), options.density.map(f64::from)) {
+            (true, _) => Layout::default(),
+            (false, _) if !written.is_empty() => {
+                job.lay_tightly(exported.density * HIDDEN_DENSITY, progress)?
+            }
+            (false, Some(density)) => job.lay_tightly(density * HIDDEN_DENSITY, progress)?,
+            (false, None) => {
+                Job { page_size: (job.page_size / 4).max(64), ..job }.fill(u32::MAX, progress)?
+            }
+        };
+        Ok((list, laid))
     };
-    warnings.extend(exported.warnings.iter().chain(&unseen.warnings).cloned());
-    let pages =
-        exported.pages.iter().map(|&size| (size, true)).chain(unseen.pages.iter().map(|&size| (size, false)));
+    let ((hidden, unseen), (vain, in_vain)) = (unseen(Side::Hidden)?, unseen(Side::InVain)?);
+    warnings.extend([&exported, &unseen, &in_vain].into_iter().flat_map(|laid| &laid.warnings).cloned());
+    let pages_of = |laid: &Layout, exported: bool| -> Vec<(u16, bool)> {
+        laid.pages.iter().map(|&size| (size, exported)).collect()
+    };
+    let pages = [pages_of(&exported, true), pages_of(&unseen, false), pages_of(&in_vain, false)].concat();
     let page_texels: f64 = exported.pages.iter().map(|&size| f64::from(size).powi(2)).sum();
     let mut atlas = Atlas {
-        pages: pages.map(|(size, exported)| Page { size_texels: u32::from(size), exported }).collect(),
+        pages: pages
+            .into_iter()
+            .map(|(size, exported)| Page { size_texels: u32::from(size), exported })
+            .collect(),
         fronts: vec![None; scene.surfaces.len()],
         backs: vec![None; scene.surfaces.len()],
         density: exported.density as f32,
@@ -178,6 +193,11 @@ pub fn unwrap(scene: &Scene, sides: &[Sides], options: &AtlasOptions, progress: 
         .zip(&exported.parts)
         .map(|entry| (entry, 0))
         .chain(hidden.par_iter().zip(&unseen.parts).map(|entry| (entry, exported.pages.len())))
+        .chain(
+            vain.par_iter()
+                .zip(&in_vain.parts)
+                .map(|entry| (entry, exported.pages.len() + unseen.pages.len())),
+        )
         .filter_map(|(((s, back, part), laid), first_page)| {
             let shapes = &shapes[part.shapes];
             Some((*s, *back, place(shapes, woven[shapes.geometry].as_ref()?, laid, first_page)))

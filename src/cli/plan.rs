@@ -76,13 +76,14 @@ fn foresee(args: &PlanArgs) -> Result<Forecast> {
         ..BakeOptions::default()
     };
     let (_, scene) = import::load(&args.input, &options.import)?;
+    let read = started.elapsed().as_secs_f64();
     let run = Run {
         threads: args.threads.map(usize::from),
         clock: &|| started.elapsed().as_secs_f64(),
         memory: &memory::peak_bytes,
         ..Run::default()
     };
-    forecast(&scene, &options, &run)
+    Ok(forecast(&scene, &options, &run)?.after_reading(read))
 }
 
 fn print(forecast: &Forecast, json: bool) -> Result<()> {
@@ -107,7 +108,7 @@ fn table(forecast: &Forecast) -> String {
             finding.effect.name().into(),
             state.into(),
             printable(&finding.reason).into(),
-            finding.saves.as_str().into(),
+            finding.saving.text().into(),
         ];
         Row::plain(cells.to_vec())
     });

@@ -125,9 +125,11 @@ impl EffectsArgs {
 fn study_effects(args: &EffectsArgs) -> Result<Study> {
     let options = args.options();
     let read = |(number, path): (usize, &PathBuf)| {
+        let started = Instant::now();
         let (_, scene) = import::load(path, &options.import)?;
+        let read_seconds = started.elapsed().as_secs_f64();
         let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-        Ok(Subject { name, scene, cost: cost::ask(number) })
+        Ok(Subject { name, scene, read_seconds, cost: cost::ask(number) })
     };
     let subjects: Vec<Subject> = args.inputs.iter().enumerate().map(read).collect::<Result<_>>()?;
     timed(&args.how, |run| effects(&subjects, &options, run, &|name| failure::say(&printable(name))))

@@ -205,7 +205,8 @@ mod tests {
                 forced: false,
                 reason: "no sky".to_owned(),
                 evidence: Default::default(),
-                saves: String::new(),
+                can_be_forced: false,
+                saving: Default::default(),
             }],
             warnings: sorted(
                 (0..warnings)

@@ -15,6 +15,7 @@ mod footprint;
 mod index;
 mod penumbra;
 mod point;
+mod probing;
 mod sky;
 mod sun;
 
@@ -22,6 +23,7 @@ pub use again::Again;
 pub use block::Block;
 pub use emitters::{EmitterList, collect};
 pub use faint::Faint;
+pub use probing::probe_rays;
 
 use crate::elements::Elements;
 use crate::options::DirectOptions;

@@ -45,8 +45,10 @@ pub fn adapt<T: Tracer>(
             .map(|patch| {
                 let mut cutter = Cutter { elements, tracer, directions: &directions, rays: 0, parts: vec![] };
                 let members = patches.elements_of(patch);
-                let sees_nothing = members.iter().all(|&e| is_open(e));
-                cutter.cut(members.to_vec(), if sees_nothing { 0 } else { rounds });
+                match members.iter().all(|&e| is_open(e)) {
+                    true => cutter.parts.push(members.to_vec()),
+                    false => cutter.cut(members.to_vec(), rounds),
+                }
                 (cutter.parts, cutter.rays)
             })
             .collect();

@@ -90,7 +90,7 @@ pub(super) fn fill<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
             );
         }
         if !progress.cancelled() {
-            let (hidden, rays) = parted(elements, &finished, &state.gathered, around.tracer);
+            let (hidden, rays) = parted(elements, &finished, &state.gathered, around.sight, around.tracer);
             state.rays += rays;
             evaluate(elements, around, set, &hidden, &mut state, progress);
         }

@@ -3,16 +3,19 @@
 use super::cells::element_at;
 use super::interpolate::{Finished, Shape};
 use crate::elements::Elements;
+use crate::plan::Sight;
 use crate::transport::{Tracer, segment};
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Of the elements of finished cells, those that do not see the middle of their cell, ascending; and the rays that took.
-/// Only elements among other geometry are asked: nothing parts the others from their neighbours.
+/// Only elements among other geometry that have something in front of them are asked: nothing parts the others from their
+/// neighbours.
 pub(super) fn parted<T: Tracer>(
     elements: &Elements,
     finished: &[Finished],
     gathered: &[bool],
+    sight: &Sight,
     tracer: &T,
 ) -> (Vec<u32>, u64) {
     let start = |e: u32| -> Vec3 {
@@ -29,7 +32,8 @@ pub(super) fn parted<T: Tracer>(
             for y in cell.min[1]..=cell.max[1] {
                 for x in cell.min[0]..=cell.max[0] {
                     let Some(e) = element_at(elements, chart, x, y) else { continue };
-                    if gathered[e as usize] || !elements.among_others[e as usize] {
+                    let apart = !elements.among_others[e as usize];
+                    if gathered[e as usize] || apart || elements.is_open(e, sight) {
                         continue;
                     }
                     rays += 1;

@@ -14,7 +14,16 @@ pub(super) enum Idle {
     SealedOff,
     /// Its range ends, or its cone passes by, before anything is lit.
     OutOfReach,
+    /// It is behind the plane of every triangle that takes light.
+    FacingAway,
 }
+
+/// The most triangles that are asked whether lamps are behind them, all lamps together.
+const MOST_PLANES: usize = 100_000_000;
+/// How far elements stray from their triangles, as a share of the object: on curved surfaces by the bulge of the shape.
+const BULGE: f64 = 0.05;
+/// The same by rounding, as a share of the coordinates.
+const ROUNDING: f64 = 1e-5;
 
 /// For every lamp why it is left out, if it is.
 pub(super) fn idle(scene: &Scene, sides: &[Sides], rooms: &Rooms, seen: &[u32]) -> Vec<Option<Idle>> {
@@ -23,6 +32,9 @@ pub(super) fn idle(scene: &Scene, sides: &[Sides], rooms: &Rooms, seen: &[u32]) 
         .filter(|&surface| lit(surface))
         .map(|surface| (surface, bounds(&scene.surfaces[surface].position_world)))
         .collect();
+    let mut planes = MOST_PLANES;
+    let mut in_front =
+        |lamp: &LampKind, within: &[u32]| is_in_front(scene, sides, rooms, lamp, within, &mut planes);
     scene
         .lamps
         .iter()
@@ -31,16 +43,67 @@ pub(super) fn idle(scene: &Scene, sides: &[Sides], rooms: &Rooms, seen: &[u32]) 
             LampKind::Sun { irradiance, .. } if irradiance.0.max_element() <= 0.0 => Some(Idle::Black),
             LampKind::Point { intensity, .. } if intensity.0.max_element() <= 0.0 => Some(Idle::Black),
             _ if !meet(within, seen) => Some(Idle::SealedOff),
-            LampKind::Sun { .. } => None,
+            LampKind::Sun { .. } => (!in_front(&lamp.kind, within)).then_some(Idle::FacingAway),
             LampKind::Point { position_world, range_m, cone, .. } => {
                 let reached = |&(surface, bounds): &(usize, [DVec3; 2])| {
                     rooms.of_side[surface].iter().any(|side| meet(side, within))
                         && in_reach(position_world, range_m, cone.as_ref(), bounds)
                 };
-                (!boxes.iter().any(reached)).then_some(Idle::OutOfReach)
+                match boxes.iter().any(reached) {
+                    false => Some(Idle::OutOfReach),
+                    true => (!in_front(&lamp.kind, within)).then_some(Idle::FacingAway),
+                }
             }
         })
         .collect()
+}
+
+/// Whether any part of a lamp is in front of any triangle that takes light in its rooms, or so it seems: light from
+/// behind a triangle's plane does not count, wherever its shading normal points.
+fn is_in_front(
+    scene: &Scene,
+    sides: &[Sides],
+    rooms: &Rooms,
+    lamp: &LampKind,
+    within: &[u32],
+    planes: &mut usize,
+) -> bool {
+    for (index, surface) in scene.surfaces.iter().enumerate() {
+        let lit = |side: usize| {
+            sides[index].both()[side] != Side::Dark && meet(&rooms.of_side[index][side], within)
+        };
+        let lit = [lit(0), lit(1)];
+        if lit == [false; 2] {
+            continue;
+        }
+        let geometry = scene.geometry(surface);
+        let Some(left) = planes.checked_sub(geometry.triangles.len()) else { return true };
+        *planes = left;
+        let [low, high] = bounds(&surface.position_world);
+        let coordinate = low.abs().max(high.abs()).max_element();
+        let slack = ROUNDING * coordinate + if geometry.smooth { BULGE * low.distance(high) } else { 0.0 };
+        for triangle in 0..geometry.triangles.len() as u32 {
+            let [a, b, c] = scene.corners_world(surface, triangle).map(|corner| corner.as_dvec3());
+            let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
+            // How far in front it is, and how far parts of it may be.
+            let (height, reach) = match *lamp {
+                LampKind::Sun { toward_world, angle_rad, .. } => (
+                    normal.dot(toward_world.as_dvec3()),
+                    f64::from((angle_rad / 2.0).clamp(0.0, 1.5)).sin() + ROUNDING,
+                ),
+                LampKind::Point { position_world, radius_m, .. } => {
+                    let to = position_world.as_dvec3() - a;
+                    (normal.dot(to), f64::from(radius_m.max(0.0)) + slack + ROUNDING * to.abs().max_element())
+                }
+            };
+            // What is not a number may be anywhere.
+            let behind = |height: f64| height <= -reach;
+            if lit[0] && !behind(height) || lit[1] && !behind(-height) {
+                return true;
+            }
+        }
+    }
+    false
 }
 
 fn bounds(points: &[Vec3]) -> [DVec3; 2] {
@@ -55,7 +118,7 @@ fn in_reach(position: Vec3, range_m: Option<f32>, cone: Option<&Cone>, [low, hig
     }
     let position = position.as_dvec3();
     // Elements lie off their triangles by rounding, and on curved surfaces by the bulge of the shape.
-    let slack = 0.05 * low.distance(high) + 1e-5 * position.abs().max_element();
+    let slack = BULGE * low.distance(high) + ROUNDING * position.abs().max_element();
     let nearest = position.clamp(low, high).distance(position) - slack;
     if range_m.is_some_and(|range| range > 0.0 && nearest > f64::from(range)) {
         return false;

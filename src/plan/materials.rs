@@ -6,17 +6,21 @@ use glam::Vec3;
 /// Whether a surface sends light.
 pub(super) fn emits(scene: &Scene, surface: usize) -> bool {
     let surface = &scene.surfaces[surface];
-    surface.role != Role::Blocks && scene.material(surface).emits()
+    surface.role != Role::Blocks && scene.emits(surface)
 }
 
 /// Whether a surface may reflect anything.
 pub(super) fn reflects(scene: &Scene, surface: usize) -> bool {
-    let material = scene.material(&scene.surfaces[surface]);
+    let surface = &scene.surfaces[surface];
+    let material = scene.material(surface);
+    let vertex = &scene.geometry(surface).color;
     let metal = if material.metallic_texture.is_none() { material.metallic } else { 0.0 };
     !material.unlit
         && material.base_color.truncate().max_element() > 0.0
         && metal < 1.0
         && material.transmission < 1.0
+        && (vertex.is_empty() || vertex.iter().any(|colour| colour.truncate().max_element() > 0.0))
+        && !scene.is_black(&material.base_color_texture)
 }
 
 /// Whether red, green and blue are the same in everything that sends, reflects or tints light.

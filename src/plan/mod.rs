@@ -8,15 +8,20 @@ mod columns;
 mod effects;
 mod lamps;
 mod materials;
+mod reasons;
 mod rooms;
+mod savings;
 mod sides;
 mod sight;
 mod solid;
+mod solids;
 
 pub use effects::{Evidence, Finding};
 pub use rooms::{Rooms, meet};
+pub use savings::{Amount, Saving};
 pub use sides::{BackEvidence, SidesFound, sides, sides_with_evidence};
 pub use sight::Sight;
+pub use solids::Solids;
 
 use crate::options::{Effect, Forced};
 use crate::scene::{Scene, Sky};
@@ -30,6 +35,9 @@ pub enum Side {
     Lightmapped,
     /// Gets coarse texels in a page that is not written: it reflects, nobody looks it up.
     Hidden,
+    /// The same only because that was asked for. Its texels have pages of their own: where those of the others lie must
+    /// not hang on it, or they would sample other places.
+    InVain,
     /// Neither receives nor reflects; it only blocks.
     Dark,
 }
@@ -138,12 +146,14 @@ pub struct Wanted {
 /// Everything that proofs found, before anything is forced.
 struct Facts<'a> {
     scene: &'a Scene,
-    wanted: &'a Wanted,
+    direct_alone: bool,
     found: SidesFound,
     /// Sides before those that nobody sees were left out, and after.
     lit: Vec<Sides>,
     sides: Vec<Sides>,
     rooms: Rooms,
+    /// Those with a lightmapped side.
+    seen: Vec<u32>,
     idle: Vec<Option<lamps::Idle>>,
     sight: Sight,
     sky_seen: bool,
@@ -152,88 +162,115 @@ struct Facts<'a> {
     reflects: bool,
 }
 
+/// What is proven of a scene: plans that force different effects share it.
+pub struct Proven<'a>(Facts<'a>);
+
 /// Decides what takes part.
 pub fn plan(scene: &Scene, wanted: &Wanted) -> Plan {
-    let forced = |effect| wanted.forced.has(effect);
-    let bodies = Bodies::new(scene);
-    let found = sides::find(scene, &bodies);
-    let rooms = rooms::rooms(scene, &bodies);
-    drop(bodies);
-    let seen = seen_rooms(&found.sides, &rooms);
-    let lit = found.sides.clone();
-    let sides: Vec<Sides> = lit
-        .iter()
-        .zip(&rooms.of_side)
-        .map(|(sides, within)| {
-            let kept = |side: Side, rooms: &[u32]| match side {
-                Side::Hidden if !meet(rooms, &seen) => Side::Dark,
-                side => side,
-            };
-            Sides { front: kept(sides.front, &within[0]), back: kept(sides.back, &within[1]) }
-        })
-        .collect();
-    let idle = lamps::idle(scene, &sides, &rooms, &seen);
-    let sky_seen = scene.sky.is_lit() && seen.contains(&Rooms::OUTSIDE);
+    Proven::new(scene, wanted.direct_alone).plan(&wanted.forced)
+}
 
-    // What is forced comes after what was proven, so that proofs are the same either way.
-    let (mut all, mut by_force) = (sides.clone(), vec![[false; 2]; sides.len()]);
-    let mut force = |surface: usize, side: usize, kind: Side| {
-        let slot = if side == 0 { &mut all[surface].front } else { &mut all[surface].back };
-        if *slot == Side::Dark && kind != Side::Dark {
-            *slot = kind;
-            by_force[surface][side] = true;
-        }
-    };
-    if forced(Effect::UnseenSurfaces) {
-        for (surface, sides) in lit.iter().enumerate() {
-            force(surface, 0, sides.front);
-            force(surface, 1, sides.back);
-        }
+impl<'a> Proven<'a> {
+    /// Looks at the scene; `direct_alone` as in [`Wanted`].
+    pub fn new(scene: &'a Scene, direct_alone: bool) -> Self {
+        let bodies = Bodies::new(scene);
+        let found = sides::find(scene, &bodies);
+        let rooms = rooms::rooms(scene, &bodies);
+        drop(bodies);
+        let seen = seen_rooms(&found.sides, &rooms);
+        let lit = found.sides.clone();
+        let sides: Vec<Sides> = lit
+            .iter()
+            .zip(&rooms.of_side)
+            .map(|(sides, within)| {
+                let kept = |side: Side, rooms: &[u32]| match side {
+                    Side::Hidden if !meet(rooms, &seen) => Side::Dark,
+                    side => side,
+                };
+                Sides { front: kept(sides.front, &within[0]), back: kept(sides.back, &within[1]) }
+            })
+            .collect();
+        let idle = lamps::idle(scene, &sides, &rooms, &seen);
+        let sky_seen = scene.sky.is_lit() && seen.contains(&Rooms::OUTSIDE);
+        let shining: Vec<bool> = idle.iter().map(Option::is_none).collect();
+        let suns_in_sky = sky_seen && matches!(scene.sky, Sky::Image(_));
+        let sight = sight::sight(scene, &sides, &rooms, &shining, suns_in_sky);
+        let reflects = reflects(scene, &sides, &sight);
+        let grey = materials::all_grey(scene);
+        Self(Facts {
+            scene,
+            direct_alone,
+            found,
+            lit,
+            sides,
+            rooms,
+            seen,
+            idle,
+            sight,
+            sky_seen,
+            grey,
+            reflects,
+        })
     }
-    if forced(Effect::BackFaces) {
-        let dropped = found.backs.iter().filter(|back| back.dropped);
-        dropped.for_each(|back| force(back.surface as usize, 1, Side::Hidden));
-    }
-    let shines = |(lamp, idle): (usize, &Option<lamps::Idle>)| {
-        Shining::of(idle.is_none(), forced(Effect::FarLamps) && scene.lamp_shines(lamp))
-    };
-    let glows = |surface: usize| match materials::emits(scene, surface) {
-        false => Shining::Not,
-        true => {
-            let counts = rooms.of_side[surface].iter().any(|side| meet(side, &seen));
-            Shining::of(counts, forced(Effect::FarLamps))
+
+    /// The plan with some effects forced. What is forced comes after what was proven, so that proofs are the same
+    /// either way.
+    pub fn plan(&self, wanted: &Forced) -> Plan {
+        let Facts { scene, found, lit, rooms, seen, idle, sky_seen, .. } = &self.0;
+        let forced = |effect| wanted.has(effect);
+        let (mut all, mut by_force) = (self.0.sides.clone(), vec![[false; 2]; self.0.sides.len()]);
+        let mut force = |surface: usize, side: usize| {
+            let slot = if side == 0 { &mut all[surface].front } else { &mut all[surface].back };
+            if *slot == Side::Dark {
+                *slot = Side::InVain;
+                by_force[surface][side] = true;
+            }
+        };
+        if forced(Effect::UnseenSurfaces) {
+            for (surface, sides) in lit.iter().enumerate() {
+                let lit = sides.both().into_iter().enumerate().filter(|(_, side)| *side != Side::Dark);
+                lit.for_each(|(side, _)| force(surface, side));
+            }
         }
-    };
-    let lights = Lights {
-        lamps: idle.iter().enumerate().map(shines).collect(),
-        surfaces: (0..scene.surfaces.len()).map(glows).collect(),
-        sky: Shining::of(sky_seen, forced(Effect::Sky) && scene.sky.is_lit()),
-        between_rooms: forced(Effect::LightBetweenRooms),
-        black: effects::LISTED_LIGHTS.into_iter().filter(|&kind| forced(kind)).collect(),
-        sharp_as_soft: forced(Effect::SoftSuns) || forced(Effect::SoftLamps),
-    };
-    let shining: Vec<bool> = idle.iter().map(Option::is_none).collect();
-    let suns_in_sky = sky_seen && matches!(scene.sky, Sky::Image(_));
-    let sight = sight::sight(scene, &sides, &rooms, &shining, suns_in_sky);
-    let reflects = reflects(scene, &sides, &sight);
-    let grey = materials::all_grey(scene);
-    let facts = Facts { scene, wanted, found, lit, sides, rooms, idle, sight, sky_seen, grey, reflects };
-    let effects = effects::findings(&facts);
-    let on = |effect: Effect| effects.iter().any(|finding| finding.effect == effect && finding.on);
-    let work = Work {
-        bounces: on(Effect::Bounces),
-        gather: on(Effect::FinalGather),
-        grey: !on(Effect::ColourChannels),
-        tinted: forced(Effect::AlphaTest) || forced(Effect::TintedShadows),
-    };
-    let Facts { rooms, sight, .. } = facts;
-    let vain = [Effect::FarLamps, Effect::Sky, Effect::LightBetweenRooms].into_iter().any(forced);
-    let sight = match () {
-        () if forced(Effect::Shadows) || forced(Effect::Penumbras) => Sight::default(),
-        () if vain => sight.open_alone(),
-        () => sight,
-    };
-    Plan { sides: all, effects, by_force, rooms, sight, lights, work }
+        if forced(Effect::BackFaces) {
+            let dropped = found.backs.iter().filter(|back| back.dropped);
+            dropped.for_each(|back| force(back.surface as usize, 1));
+        }
+        let shines = |(lamp, idle): (usize, &Option<lamps::Idle>)| {
+            Shining::of(idle.is_none(), forced(Effect::FarLamps) && scene.lamp_shines(lamp))
+        };
+        let glows = |surface: usize| match materials::emits(scene, surface) {
+            false => Shining::Not,
+            true => {
+                let counts = rooms.of_side[surface].iter().any(|side| meet(side, seen));
+                Shining::of(counts, forced(Effect::FarLamps))
+            }
+        };
+        let lights = Lights {
+            lamps: idle.iter().enumerate().map(shines).collect(),
+            surfaces: (0..scene.surfaces.len()).map(glows).collect(),
+            sky: Shining::of(*sky_seen, forced(Effect::Sky) && scene.sky.is_lit()),
+            between_rooms: forced(Effect::LightBetweenRooms),
+            black: effects::LISTED_LIGHTS.into_iter().filter(|&kind| forced(kind)).collect(),
+            sharp_as_soft: forced(Effect::SoftSuns) || forced(Effect::SoftLamps),
+        };
+        let effects = effects::findings(&self.0, wanted);
+        let on = |effect: Effect| effects.iter().any(|finding| finding.effect == effect && finding.on);
+        let work = Work {
+            bounces: on(Effect::Bounces),
+            // What bounces is found by gathering.
+            gather: on(Effect::FinalGather) || on(Effect::Bounces),
+            grey: !on(Effect::ColourChannels),
+            tinted: forced(Effect::AlphaTest) || forced(Effect::TintedShadows),
+        };
+        let vain = [Effect::FarLamps, Effect::Sky, Effect::LightBetweenRooms].into_iter().any(forced);
+        let sight = match () {
+            () if forced(Effect::Shadows) || forced(Effect::Penumbras) => Sight::default(),
+            () if vain => self.0.sight.clone().open_alone(),
+            () => self.0.sight.clone(),
+        };
+        Plan { sides: all, effects, by_force, rooms: rooms.clone(), sight, lights, work }
+    }
 }
 
 /// Rooms with a lightmapped side; all where nothing is lightmapped.

@@ -8,7 +8,7 @@
 use super::bodies::{Bodies, Placed};
 use super::columns::{Columns, Place};
 use super::solid::{Skin, volume_and_area};
-use crate::scene::{Alpha, LampKind, Role, Scene};
+use crate::scene::{LampKind, Opacity, Role, Scene};
 use glam::{DAffine3, DVec3};
 use std::collections::{BTreeMap, HashMap};
 
@@ -205,8 +205,8 @@ fn has_something_inside(scene: &Scene, bodies: &Bodies, item: usize) -> bool {
         LampKind::Sun { .. } => false,
     });
     let glows = |surface: u32| {
-        let material = scene.material(&scene.surfaces[surface as usize]);
-        material.emits() && material.double_sided
+        let surface = &scene.surfaces[surface as usize];
+        scene.material(surface).double_sided && scene.emits(surface)
     };
     lamp_inside
         || bodies.surfaces(item).into_iter().any(glows)
@@ -220,8 +220,9 @@ fn has_something_inside(scene: &Scene, bodies: &Bodies, item: usize) -> bool {
 fn blocks_all_light(scene: &Scene, bodies: &Bodies, item: usize) -> bool {
     let opaque = |surface: u32| {
         let surface = &scene.surfaces[surface as usize];
-        let material = scene.material(surface);
-        surface.role != Role::Emits && material.alpha == Alpha::Opaque && material.transmission <= 0.0
+        surface.role != Role::Emits
+            && scene.material(surface).transmission <= 0.0
+            && scene.opacity_of(surface) == Opacity::Full
     };
     let met = |(surface, triangle): (u32, u32)| {
         let [a, b, c] =

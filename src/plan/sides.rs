@@ -11,7 +11,7 @@ use super::bodies::{Bodies, Body, Placed, Sweep};
 use super::columns::Place;
 use super::solid::{Component, Skin};
 use super::{Side, Sides};
-use crate::scene::{Alpha, LampKind, Role, Scene, Surface};
+use crate::scene::{LampKind, Opacity, Role, Scene, Surface};
 use rayon::prelude::*;
 
 /// What was found about the back of one double-sided surface.
@@ -122,8 +122,7 @@ fn unreachable_inside(
         return Ok(());
     }
     let transparent = |surface: &&Surface| {
-        let material = scene.material(surface);
-        material.alpha != Alpha::Opaque || material.transmission > 0.0
+        scene.material(surface).transmission > 0.0 || scene.opacity_of(surface) != Opacity::Full
     };
     if surfaces.iter().any(transparent) {
         return Err("lets light through".into());
@@ -152,7 +151,7 @@ fn unreachable_inside(
             return Err(format!("lamp '{}' is inside", lamp.name));
         }
     }
-    let emits = |surfaces: &[&Surface]| surfaces.iter().any(|surface| scene.material(surface).emits());
+    let emits = |surfaces: &[&Surface]| surfaces.iter().any(|surface| scene.emits(surface));
     let glows = emits(&surfaces);
     for other in order.overlapping(placed, item) {
         let other_body = &bodies[placed[other].body];

@@ -5,11 +5,13 @@
 
 mod camera;
 mod material;
+mod opacity;
 mod sky;
 mod texture;
 
 pub use camera::{Camera, Projection};
 pub use material::{Alpha, Material, TextureSlot};
+pub use opacity::Opacity;
 pub use sky::{Sky, SkyImage};
 pub use texture::{Filter, Pixels, Texture, Wrap};
 

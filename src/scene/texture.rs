@@ -45,6 +45,8 @@ pub struct Texture {
     pixels: Pixels,
     wrap: [Wrap; 2],
     filter: Filter,
+    /// Found when asked for.
+    alpha: OnceLock<[f32; 2]>,
 }
 
 impl Texture {
@@ -61,7 +63,8 @@ impl Texture {
             Pixels::Float(p) => p.len(),
         };
         let wanted = size[0] as usize * size[1] as usize;
-        (wanted > 0 && wanted == count).then_some(Self { name, size, pixels, wrap, filter })
+        let alpha = OnceLock::new();
+        (wanted > 0 && wanted == count).then_some(Self { name, size, pixels, wrap, filter, alpha })
     }
 
     /// Whether red, green and blue are the same in every texel.
@@ -72,6 +75,28 @@ impl Texture {
             }
             Pixels::Float(pixels) => pixels.iter().all(|pixel| pixel.x == pixel.y && pixel.y == pixel.z),
         }
+    }
+
+    /// Whether red, green and blue are 0 in every texel, or less.
+    pub fn is_black(&self) -> bool {
+        match &self.pixels {
+            Pixels::Srgb8(pixels) | Pixels::Linear8(pixels) => {
+                pixels.iter().all(|pixel| pixel[..3] == [0; 3])
+            }
+            Pixels::Float(pixels) => pixels.iter().all(|pixel| pixel.truncate().max_element() <= 0.0),
+        }
+    }
+
+    /// Least and greatest alpha of any texel.
+    pub fn alpha(&self) -> [f32; 2] {
+        fn range<T: Copy>(all: &[T], alpha: impl Fn(T) -> f32) -> [f32; 2] {
+            let alphas = all.iter().map(|&pixel| alpha(pixel));
+            alphas.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], a| [low.min(a), high.max(a)])
+        }
+        *self.alpha.get_or_init(|| match &self.pixels {
+            Pixels::Srgb8(pixels) | Pixels::Linear8(pixels) => range(pixels, |p| f32::from(p[3]) / 255.0),
+            Pixels::Float(pixels) => range(pixels, |p| p.w),
+        })
     }
 
     /// Width and height in texels.

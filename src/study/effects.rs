@@ -8,9 +8,10 @@ use crate::bake::{Lit, Run, light};
 use crate::error::Result;
 use crate::forecast::{Forecast, forecast};
 use crate::options::{BakeOptions, Effect, Forced, LightOptions};
-use crate::plan::{Finding, Wanted, plan};
+use crate::plan::{Finding, Proven, Solids};
 use crate::scene::Scene;
 use crate::text;
+use std::cell::OnceCell;
 
 /// Bakes that take less than this are repeated, seconds.
 const SHORT_SECONDS: f64 = 2.0;
@@ -23,6 +24,8 @@ pub struct Subject {
     pub name: String,
     /// The scene.
     pub scene: Scene,
+    /// What reading it took, seconds.
+    pub read_seconds: f64,
     /// What a bake of it took that had a process of its own, where that was measured.
     pub cost: Option<Cost>,
 }
@@ -45,10 +48,13 @@ pub struct Trial {
     pub seconds: f64,
     /// All rays.
     pub rays: u64,
+    /// All elements, those on hidden pages included.
+    pub elements: u64,
     /// Largest difference of any texel of an exported page from the planned bake, as a share of its mean; infinite
     /// where the texels are not even the same ones.
     pub difference: f64,
-    /// The same of texels that have nothing but their own surface within a texel.
+    /// The same of texels that have nothing but their own surface within a texel and are not inside a solid; where that
+    /// is not 0, of bakes that gather at every texel.
     pub difference_free: f64,
     /// How large the difference may be.
     pub bound: Bound,
@@ -76,7 +82,7 @@ pub struct Outcome {
 pub enum Bound {
     /// What is left out is exactly zero, and sums of zeros are exact: nowhere at all.
     Nothing,
-    /// This much where nothing but the own surface is within a texel.
+    /// This much where nothing but the own surface is within a texel, outside of solids.
     Free(f64),
 }
 
@@ -86,7 +92,8 @@ impl Bound {
     /// What is on the other side of a closed skin is proven to be dark, or unseen; but where something stands on the
     /// skin or pierces it, a patch or a texel lies on both sides of it: lit in vain, the other side gets some of that
     /// patch's light and gives it back where it came from. Of n patches one has a share of 1/n of the light; a place is
-    /// given four of them.
+    /// given four of them: an estimate. What lies inside a solid for good, such as the end of a leaf in a beam, is lit by
+    /// that light alone: there is nothing to be compared with, and nobody to see it ([`Solids`]).
     pub fn of(effect: Option<Effect>, options: &BakeOptions) -> Self {
         match effect {
             None
@@ -115,33 +122,52 @@ impl Trial {
 /// Bakes a scene in all ways.
 pub fn compare(subject: &Subject, options: &BakeOptions, run: &Run) -> Result<Outcome> {
     // What the light is off by is not the question here.
-    let light = LightOptions { audit_share: 0.0, ..options.light.clone() };
-    let with = |forced: Forced| BakeOptions { effects: forced, light: light.clone(), ..options.clone() };
+    let effort = LightOptions { audit_share: 0.0, ..options.light.clone() };
+    let with = |forced: Forced| BakeOptions { effects: forced, light: effort.clone(), ..options.clone() };
     let (seconds, lit) = timed(&subject.scene, &with(Forced::none()), run)?;
     let planned = Trial {
         effect: None,
         seconds,
         rays: lit.light.rays,
+        elements: lit.elements.len() as u64,
         difference: 0.0,
         difference_free: 0.0,
         bound: Bound::Nothing,
     };
-    let wanted = |forced| Wanted { forced, ..Wanted::default() };
+    let (proven, solids) = (Proven::new(&subject.scene, false), Solids::of(&subject.scene));
     let acts = |effect: &Effect| {
-        let forced = plan(&subject.scene, &wanted(Forced::one(*effect))).effects;
+        let forced = proven.plan(&Forced::one(*effect)).effects;
         forced.iter().any(|finding| finding.forced)
     };
     let trials = [None].into_iter().chain(Effect::ALL.into_iter().filter(acts).map(Some));
+    // Light from inside a solid gets to texels outside through nodes in there that they are interpolated from.
+    let strict = |forced: Forced| {
+        let mut options = with(forced);
+        options.light.gather.tolerance = 0.0;
+        light(&subject.scene, &options, run)
+    };
+    let planned_strictly = OnceCell::new();
     let forced = trials.map(|effect| {
-        let (seconds, other) =
-            timed(&subject.scene, &with(effect.map_or_else(Forced::all, Forced::one)), run)?;
-        let [difference, difference_free] = differences(&lit, &other);
+        let wanted = || effect.map_or_else(Forced::all, Forced::one);
+        let (seconds, other) = timed(&subject.scene, &with(wanted()), run)?;
+        let [difference, mut difference_free] = differences(&lit, &other, &solids);
         let bound = Bound::of(effect, options);
-        Ok(Trial { effect, seconds, rays: other.light.rays, difference, difference_free, bound })
+        if bound != Bound::Nothing && difference_free > 0.0 {
+            let planned = match planned_strictly.get() {
+                Some(planned) => planned,
+                None => {
+                    let planned = strict(Forced::none())?;
+                    planned_strictly.get_or_init(|| planned)
+                }
+            };
+            difference_free = differences(planned, &strict(wanted())?, &solids)[1];
+        }
+        let (rays, elements) = (other.light.rays, other.elements.len() as u64);
+        Ok(Trial { effect, seconds, rays, elements, difference, difference_free, bound })
     });
     let forced = forced.collect::<Result<_>>()?;
-    let forecast = forecast(&subject.scene, options, run)?;
-    let findings = lit.plan.effects;
+    let forecast = forecast(&subject.scene, options, run)?.after_reading(subject.read_seconds);
+    let findings = forecast.effects.clone();
     Ok(Outcome { name: subject.name.clone(), findings, forecast, cost: subject.cost, planned, forced })
 }
 
@@ -160,8 +186,9 @@ fn timed(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<(f64, Lit)> 
     Ok((best, lit))
 }
 
-/// Largest difference of any exported texel, and of those that nothing else is near, as shares of the first one's mean.
-fn differences(a: &Lit, b: &Lit) -> [f64; 2] {
+/// Largest difference of any exported texel, and of those that nothing else is near or around, as shares of the first
+/// one's mean.
+fn differences(a: &Lit, b: &Lit, solids: &Solids) -> [f64; 2] {
     let (ours, theirs) = (texels(a), texels(b));
     if !ours.iter().map(|texel| texel.0).eq(theirs.iter().map(|texel| texel.0)) {
         return [f64::INFINITY; 2];
@@ -172,7 +199,8 @@ fn differences(a: &Lit, b: &Lit) -> [f64; 2] {
         sum += f64::from(one.mean());
         let difference = f64::from((one.0 - other.0).abs().max_element());
         most[0] = most[0].max(difference);
-        if !a.elements.among_others[x] {
+        let free = difference > most[1] && !a.elements.among_others[x];
+        if free && !solids.hold(a.elements.position_world[x]) {
             most[1] = most[1].max(difference);
         }
     }
@@ -237,8 +265,8 @@ fn study(outcomes: &[Outcome]) -> Study {
                 .to_owned(),
             "What is left out is proven to add nothing, so the difference must be exactly 0. Only the insides of \
              solids and the outsides of rooms, lit in vain, get and give back some light through patches that lie on \
-             both sides of a skin, where things stand on or pierce each other: away from there by four patches' share \
-             at the most."
+             both sides of a skin, where things stand on or pierce each other: away from there, and outside of solids, \
+             by four patches' share at the most. What an effect saves was foretold from a bake at a lower density."
                 .to_owned(),
         ],
         sheets: [summary(outcomes), trials(outcomes)]
@@ -291,12 +319,22 @@ fn summary(outcomes: &[Outcome]) -> Sheet {
 
 fn trials(outcomes: &[Outcome]) -> Sheet {
     let row = |outcome: &Outcome, what: &str, trial: &Trial| {
+        let finding = outcome.findings.iter().find(|finding| Some(finding.effect) == trial.effect);
+        let off = finding.filter(|finding| !finding.on);
+        let foretold = off.and_then(|finding| finding.saving.rays());
+        let more = |now: u64, before: u64| match now.checked_sub(before) {
+            Some(more) => Cell::Count(more),
+            None => Cell::Number(now as f64 - before as f64),
+        };
         let cells = vec![
             outcome.name.as_str().into(),
             what.into(),
             Cell::Seconds(trial.seconds),
             Cell::Number(trial.seconds / outcome.planned.seconds),
             Cell::Count(trial.rays),
+            off.map_or(Cell::Empty, |_| more(trial.rays, outcome.planned.rays)),
+            foretold.map_or(Cell::Empty, Cell::Count),
+            off.map_or(Cell::Empty, |_| more(trial.elements, outcome.planned.elements)),
             Cell::Share(trial.difference),
             Cell::Share(trial.difference_free),
             match trial.bound {
@@ -323,6 +361,9 @@ fn trials(outcomes: &[Outcome]) -> Sheet {
             "time",
             "× planned",
             "rays",
+            "more rays",
+            "foretold",
+            "more texels",
             "largest difference",
             "away from others",
             "allowed",
@@ -339,7 +380,7 @@ fn findings(outcomes: &[Outcome]) -> Sheet {
                 finding.effect.name().into(),
                 if finding.on { "on" } else { "off" }.into(),
                 text::printable(&finding.reason).into(),
-                finding.saves.as_str().into(),
+                finding.saving.text().into(),
             ])
         })
     });

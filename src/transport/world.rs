@@ -4,7 +4,7 @@ use super::build::Binary;
 use super::tracer::AnyTracer;
 use super::tree::Tree;
 use super::{Hit, offset_origin};
-use crate::scene::{Alpha, Scene, Surface, SurfacePoint};
+use crate::scene::{Opacity, Scene, SurfacePoint};
 use glam::{DVec3, Vec2, Vec3};
 
 /// Triangles with a coordinate beyond this (metres) block nothing, as those that are not finite: products of
@@ -50,12 +50,12 @@ impl World {
             corners.extend((0..count as u32).map(|t| scene.corners_world(surface, t)));
             surface_of.resize(corners.len(), index as u32);
             first.push(corners.len() as u32);
-            opacity.push(Opacity::of(scene, surface));
+            opacity.push(scene.opacity_of(surface));
         }
         let of = |triangle: u32| opacity[surface_of[triangle as usize] as usize];
-        let blocking = opacity.iter().map(|o| o.blocking()).max().unwrap_or(Blocking::Opaque);
+        let blocking = opacity.iter().map(|&o| blocking(o)).max().unwrap_or(Blocking::Opaque);
         let blockers = blockers(&corners, |t| of(t) != Opacity::Clear);
-        let tree = Tree::new(&Binary::new(&corners, &blockers), &corners, |t| of(t).must_be_asked());
+        let tree = Tree::new(&Binary::new(&corners, &blockers), &corners, |t| must_be_asked(of(t)));
         Self { corners, surface: surface_of, first, blocking, tree }
     }
 
@@ -171,40 +171,16 @@ fn blockers(corners: &[[Vec3; 3]], blocks: impl Fn(u32) -> bool) -> Vec<u32> {
     (0..corners.len() as u32).filter(|&t| lawful(&corners[t as usize]) && blocks(t)).collect()
 }
 
-/// How much a surface stops, as far as it is the same everywhere.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Opacity {
-    Full,
-    /// Stops nothing anywhere.
-    Clear,
-    /// Full or none.
-    Holes,
-    Partial,
+/// Whether hits must ask how much is stopped there.
+fn must_be_asked(opacity: Opacity) -> bool {
+    matches!(opacity, Opacity::Holes | Opacity::Partial)
 }
 
-impl Opacity {
-    fn of(scene: &Scene, surface: &Surface) -> Self {
-        let material = scene.material(surface);
-        let constant = material.base_color_texture.is_none() && scene.geometry(surface).color.is_empty();
-        match material.alpha {
-            Alpha::Opaque => Self::Full,
-            Alpha::Mask { cutoff } if constant && material.base_color.w >= cutoff => Self::Full,
-            Alpha::Mask { .. } if constant => Self::Clear,
-            Alpha::Mask { .. } => Self::Holes,
-            Alpha::Blend if constant && material.base_color.w >= 1.0 => Self::Full,
-            Alpha::Blend => Self::Partial,
-        }
-    }
-
-    fn must_be_asked(self) -> bool {
-        matches!(self, Self::Holes | Self::Partial)
-    }
-
-    fn blocking(self) -> Blocking {
-        match self {
-            Self::Full | Self::Clear => Blocking::Opaque,
-            Self::Holes => Blocking::Cutout,
-            Self::Partial => Blocking::Tinted,
-        }
+/// What a tracer must know to meet it.
+fn blocking(opacity: Opacity) -> Blocking {
+    match opacity {
+        Opacity::Full | Opacity::Clear => Blocking::Opaque,
+        Opacity::Holes => Blocking::Cutout,
+        Opacity::Partial => Blocking::Tinted,
     }
 }

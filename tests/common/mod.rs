@@ -8,6 +8,7 @@ use lightkiln::scene::{
     Geometry, GeometryId, Lamp, LampKind, Material, MaterialId, Origin, Role, Scene, Sky, Surface,
 };
 use lightkiln::units::{Intensity, Irradiance, Radiance};
+use std::path::{Path, PathBuf};
 
 /// Collects surfaces into a scene.
 #[derive(Default)]
@@ -169,4 +170,25 @@ pub fn mean(lit: &Lit) -> f64 {
 pub fn close(actual: f32, expected: f32, relative: f32, what: &str) {
     let error = (actual - expected).abs() / expected.abs().max(f32::MIN_POSITIVE);
     assert!(error <= relative, "{what}: {actual} instead of {expected}, off by {error:e} > {relative:e}");
+}
+
+/// Every .gltf and .glb below these folders of the collection beside the project, in order; `None` where there is none.
+pub fn shared_scenes(folders: &[&str]) -> Option<Vec<PathBuf>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let shared =
+        ["../shared/scenes", "../../shared/scenes"].iter().map(|p| root.join(p)).find(|p| p.is_dir())?;
+    let mut found = Vec::new();
+    let mut waiting: Vec<PathBuf> = folders.iter().map(|folder| shared.join(folder)).collect();
+    while let Some(folder) = waiting.pop() {
+        for entry in std::fs::read_dir(&folder).expect("a folder can be listed").flatten() {
+            let path = entry.path();
+            match path.extension().and_then(|extension| extension.to_str()) {
+                _ if path.is_dir() => waiting.push(path),
+                Some("gltf" | "glb") => found.push(path),
+                _ => {}
+            }
+        }
+    }
+    found.sort();
+    Some(found)
 }

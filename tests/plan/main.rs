@@ -3,8 +3,10 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod fixtures;
+mod idle;
 mod random;
 mod scenes;
+mod shared;
 mod twins;
 
 use lightkiln::bake::Run;
@@ -25,7 +27,7 @@ fn finding(plan: &Plan, effect: Effect) -> &Finding {
 /// Bakes a scene as planned and in vain, and fails on a difference that should not be.
 #[track_caller]
 fn changes_nothing(name: &str, scene: &Scene, options: &BakeOptions) -> Outcome {
-    let subject = Subject { name: name.to_owned(), scene: scene.clone(), cost: None };
+    let subject = Subject { name: name.to_owned(), scene: scene.clone(), read_seconds: 0.0, cost: None };
     let outcome = compare(&subject, options, &Run::default()).expect("it can be baked");
     let failed: Vec<_> = outcome.forced.iter().filter(|trial| !trial.holds()).collect();
     assert!(failed.is_empty(), "{name}: {failed:#?}");

@@ -1,11 +1,10 @@
 //! Random small scenes: whatever the plan leaves out changes nothing.
 
 use crate::common::Builder;
-use crate::scenes::{block, coloured, double_sided, hull, like, transparent};
+use crate::scenes::{Shine, block, coloured, double_sided, hull, lamp, like, transparent};
 use crate::{changes_nothing, draft};
 use glam::Vec3;
-use lightkiln::scene::{Alpha, LampKind, MaterialId, Role};
-use lightkiln::units::Intensity;
+use lightkiln::scene::{Alpha, MaterialId, Role};
 use proptest::prelude::*;
 
 /// What stands in one cell of a grid of 3 m.
@@ -95,15 +94,7 @@ fn cook(recipe: &Recipe) -> Builder {
         b.scene.surfaces[0].material = MaterialId(0);
     }
     for &(position_world, radius_m, range_m) in &recipe.lamps {
-        let intensity = Intensity::grey(1.0);
-        b.lamp(LampKind::Point {
-            position_world,
-            intensity,
-            range_m,
-            radius_m,
-            soft_falloff: false,
-            cone: None,
-        });
+        lamp(&mut b, position_world, Shine { range_m, radius_m, ..Shine::default() });
     }
     if let Some(angle) = recipe.sun {
         b.sun(Vec3::new(0.2, 1.0, 0.3), 1.0, angle);

@@ -1,8 +1,11 @@
 //! Closed boxes, which the plan's proofs are about.
 
 use crate::common::Builder;
-use glam::{Vec3, Vec4};
-use lightkiln::scene::{Alpha, Material, MaterialId};
+use glam::{Affine2, Vec2, Vec3, Vec4};
+use lightkiln::scene::{
+    Alpha, Cone, Filter, LampKind, Material, MaterialId, Pixels, Texture, TextureId, TextureSlot, Wrap,
+};
+use lightkiln::units::Intensity;
 
 /// A box of six sides that share their corners; some sides can be left out (bits: −x, +x, −y, +y, −z, +z).
 pub fn hull(
@@ -65,3 +68,36 @@ pub fn transparent(b: &mut Builder, alpha: Alpha, opacity: f32) -> MaterialId {
         material.base_color.w = opacity;
     })
 }
+
+/// A point or spot lamp.
+pub struct Shine {
+    pub intensity: Intensity,
+    pub range_m: Option<f32>,
+    pub radius_m: f32,
+    pub cone: Option<Cone>,
+}
+
+impl Default for Shine {
+    /// Grey, sharp, all around, without end.
+    fn default() -> Self {
+        Self { intensity: Intensity::grey(1.0), range_m: None, radius_m: 0.0, cone: None }
+    }
+}
+
+pub fn lamp(b: &mut Builder, position_world: Vec3, Shine { intensity, range_m, radius_m, cone }: Shine) {
+    b.lamp(LampKind::Point { position_world, intensity, range_m, radius_m, soft_falloff: false, cone });
+}
+
+/// A texture of 2 × 2 texels, and coordinates for all objects so far.
+pub fn texture(b: &mut Builder, colours: [[u8; 4]; 4]) -> TextureSlot {
+    let pixels = Pixels::Srgb8(colours.to_vec());
+    let texture = Texture::new("checks".into(), [2, 2], pixels, [Wrap::Repeat; 2], Filter::Nearest);
+    b.scene.textures.push(texture.expect("the size fits"));
+    for geometry in &mut b.scene.geometries {
+        geometry.texcoords = vec![geometry.position_local.iter().map(|p| Vec2::new(p.x, p.z)).collect()];
+    }
+    let texture = TextureId(b.scene.textures.len() as u32 - 1);
+    TextureSlot { texture, texcoord: 0, transform: Affine2::IDENTITY }
+}
+
+pub const CHECKS: [[u8; 4]; 4] = [[255, 255, 255, 255], [9, 9, 9, 255], [9, 9, 9, 255], [255, 255, 255, 255]];

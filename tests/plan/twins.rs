@@ -1,19 +1,19 @@
 //! For every effect a scene that does not call for it, and its twin that does.
 
 use crate::common::Builder;
-use crate::scenes::{block, coloured, double_sided, hull, like, room, transparent};
+use crate::scenes::{
+    CHECKS, Shine, block, coloured, double_sided, hull, lamp, like, room, texture, transparent,
+};
 use crate::{changes_nothing, draft, finding, planned};
-use glam::{Affine2, DAffine3, Vec2, Vec3};
+use glam::{DAffine3, Vec3};
 use lightkiln::options::Effect;
 use lightkiln::plan::Side;
-use lightkiln::scene::{
-    Alpha, Cone, Filter, LampKind, Pixels, Scene, SpotFalloff, Texture, TextureId, TextureSlot, Wrap,
-};
+use lightkiln::scene::{Alpha, Cone, Scene, SpotFalloff};
 use lightkiln::units::Intensity;
 
-type Make = fn(&mut Builder);
+pub type Make = fn(&mut Builder);
 
-fn make(make: impl Fn(&mut Builder)) -> Scene {
+pub fn make(make: impl Fn(&mut Builder)) -> Scene {
     let mut b = Builder::new();
     make(&mut b);
     b.scene
@@ -21,7 +21,7 @@ fn make(make: impl Fn(&mut Builder)) -> Scene {
 
 /// Checks that the effect is off in one scene and on in the other, and that neither changes when it is forced.
 #[track_caller]
-fn twins(effect: Effect, off: Make, on: Make) {
+pub fn twins(effect: Effect, off: Make, on: Make) {
     for (make_it, expected) in [(off, false), (on, true)] {
         let scene = make(make_it);
         let plan = planned(&scene);
@@ -31,49 +31,20 @@ fn twins(effect: Effect, off: Make, on: Make) {
     }
 }
 
-fn lit_room(b: &mut Builder) {
+pub fn lit_room(b: &mut Builder) {
     room(b);
     b.point(Vec3::new(0.2, 0.1, 0.3), 1.0);
 }
 
-fn spot(b: &mut Builder, position_world: Vec3, direction_world: Vec3, range_m: Option<f32>) {
+pub fn spot(b: &mut Builder, position_world: Vec3, direction_world: Vec3) {
     let falloff = SpotFalloff::Blender;
-    let cone = Cone { direction_world, inner_rad: 0.3, outer_rad: 0.4, falloff };
-    let intensity = Intensity::grey(1.0);
-    b.lamp(LampKind::Point {
-        position_world,
-        intensity,
-        range_m,
-        radius_m: 0.0,
-        soft_falloff: false,
-        cone: Some(cone),
-    });
+    let cone = Some(Cone { direction_world, inner_rad: 0.3, outer_rad: 0.4, falloff });
+    lamp(b, position_world, Shine { cone, ..Shine::default() });
 }
 
 fn soft(b: &mut Builder, position_world: Vec3) {
-    let intensity = Intensity::grey(1.0);
-    b.lamp(LampKind::Point {
-        position_world,
-        intensity,
-        range_m: None,
-        radius_m: 0.1,
-        soft_falloff: false,
-        cone: None,
-    });
+    lamp(b, position_world, Shine { radius_m: 0.1, ..Shine::default() });
 }
-
-/// A texture of 2 × 2 texels, and coordinates for all objects so far.
-fn texture(b: &mut Builder, colours: [[u8; 4]; 4]) -> TextureSlot {
-    let pixels = Pixels::Srgb8(colours.to_vec());
-    let texture = Texture::new("checks".into(), [2, 2], pixels, [Wrap::Repeat; 2], Filter::Nearest);
-    b.scene.textures.push(texture.expect("the size fits"));
-    for geometry in &mut b.scene.geometries {
-        geometry.texcoords = vec![geometry.position_local.iter().map(|p| Vec2::new(p.x, p.z)).collect()];
-    }
-    TextureSlot { texture: TextureId(0), texcoord: 0, transform: Affine2::IDENTITY }
-}
-
-const CHECKS: [[u8; 4]; 4] = [[255, 255, 255, 255], [9, 9, 9, 255], [9, 9, 9, 255], [255, 255, 255, 255]];
 
 #[test]
 fn kinds_of_light() {
@@ -97,7 +68,7 @@ fn kinds_of_light() {
     });
     let spotted: Make = |b| {
         room(b);
-        spot(b, Vec3::ZERO, -Vec3::Y, None);
+        spot(b, Vec3::ZERO, -Vec3::Y);
     };
     twins(Effect::SpotLamps, lit_room, spotted);
 }
@@ -122,23 +93,13 @@ fn lamps_out_of_reach() {
     fn ranged(b: &mut Builder, range_m: f32) {
         let grey = b.material(0.5, 0.0);
         block(b, Vec3::ZERO, 0.5, grey);
-        let intensity = Intensity::grey(1.0);
-        let position_world = Vec3::X * 4.0;
-        let range_m = Some(range_m);
-        b.lamp(LampKind::Point {
-            position_world,
-            intensity,
-            range_m,
-            radius_m: 0.0,
-            soft_falloff: false,
-            cone: None,
-        });
+        lamp(b, Vec3::X * 4.0, Shine { range_m: Some(range_m), ..Shine::default() });
     }
     twins(Effect::PointLamps, |b| ranged(b, 3.0), |b| ranged(b, 3.7));
     fn aimed(b: &mut Builder, direction_world: Vec3) {
         let grey = b.material(0.5, 0.0);
         block(b, Vec3::ZERO, 0.5, grey);
-        spot(b, Vec3::X * 4.0, direction_world, None);
+        spot(b, Vec3::X * 4.0, direction_world);
     }
     twins(Effect::SpotLamps, |b| aimed(b, Vec3::X), |b| aimed(b, -Vec3::X));
 }
@@ -288,15 +249,7 @@ fn grey_and_coloured() {
     twins(Effect::ColourChannels, lit_room, |b| {
         room(b);
         let intensity = Intensity(Vec3::new(1.0, 0.9, 0.8));
-        let position_world = Vec3::ZERO;
-        b.lamp(LampKind::Point {
-            position_world,
-            intensity,
-            range_m: None,
-            radius_m: 0.0,
-            soft_falloff: false,
-            cone: None,
-        });
+        lamp(b, Vec3::ZERO, Shine { intensity, ..Shine::default() });
     });
 }
 

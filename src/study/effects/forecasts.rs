@@ -69,15 +69,9 @@ mod tests {
     #[test]
     fn a_forecast_holds_within_its_factor() {
         let forecast = |seconds| Forecast {
-            effects: Vec::new(),
-            pages: 1,
-            page_size_texels: 64,
-            density_texels_per_m: 1.0,
-            elements: 1,
-            patches: 1,
-            rays: 1,
             stages: vec![(Stage::Direct, seconds)],
             memory_bytes: 100,
+            ..Forecast::default()
         };
         let cost = |seconds, memory_bytes| Cost { seconds, memory_bytes };
         assert_eq!(holds(&forecast(10.0), &cost(14.9, Some(120))), [true, true]);
