@@ -94,6 +94,9 @@ pub struct Atlas {
 
 /// Hidden sides get this share of the texels per metre of the written ones.
 pub const HIDDEN_DENSITY: f64 = 0.25;
+/// A side that is laid out: its surface, whether it is the back, and its charts.
+type Listed = (usize, bool, Part);
+
 /// Largest page that can be asked for.
 const LARGEST_PAGE: u32 = 16384;
 
@@ -122,7 +125,7 @@ pub fn unwrap(scene: &Scene, sides: &[Sides], options: &AtlasOptions, progress: 
     let (shapes, shapes_of) = all_shapes(scene, &woven, &takes_light);
     let (nodes, node_of) = nodes(&scene.surfaces);
     let of_kind = |kind: Side| {
-        let mut list: Vec<(usize, bool, Part)> = Vec::new();
+        let mut list: Vec<Listed> = Vec::new();
         for (s, surface) in scene.surfaces.iter().enumerate() {
             let (Some(side), Some(shapes)) = (sides.get(s), shapes_of[s]) else { continue };
             let asked = f64::from(surface.density_factor);
@@ -137,8 +140,7 @@ pub fn unwrap(scene: &Scene, sides: &[Sides], options: &AtlasOptions, progress: 
         list
     };
     let written = of_kind(Side::Lightmapped);
-    let parts =
-        |list: &[(usize, bool, Part)]| -> Vec<Part> { list.iter().map(|(.., part)| part.clone()).collect() };
+    let parts = |list: &[Listed]| -> Vec<Part> { list.iter().map(|(.., part)| part.clone()).collect() };
     let written_parts = parts(&written);
     let job = Job {
         shapes: &shapes,
@@ -154,7 +156,7 @@ pub fn unwrap(scene: &Scene, sides: &[Sides], options: &AtlasOptions, progress: 
         (false, Some(density)) => job.lay(f64::from(density), options.max_pages.max(1), progress)?,
         (false, None) => job.fill(options.max_pages.max(1), progress)?,
     };
-    let unseen = |kind: Side| -> Result<(Vec<(usize, bool, Part)>, Layout)> {
+    let unseen = |kind: Side| -> Result<(Vec<Listed>, Layout)> {
         let list = of_kind(kind);
         let parts = parts(&list);
         let job = Job { parts: &parts, announced: false, ..job };

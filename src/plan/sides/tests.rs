@@ -1,9 +1,9 @@
 //! Rooms, boxes and what stands in them.
 
 use super::*;
-use crate::scene::{Geometry, GeometryId, Lamp, Material, MaterialId, Origin};
+use crate::scene::{Alpha, Geometry, GeometryId, Lamp, Material, MaterialId, Origin};
 use crate::units::{Intensity, Radiance};
-use glam::{DAffine3, DQuat, DVec3, Vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
 
 const QUADS: [[u32; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
@@ -168,8 +168,12 @@ fn a_transparent_box_keeps_its_back() {
     for alpha in [Alpha::Blend, Alpha::Mask { cutoff: 0.5 }] {
         let mut world = World::new();
         let glass = world.add(cube_faces(&ALL), 0, pose(1.0, [0.0; 3]));
-        world.material(glass, Material { alpha, ..Material::default() });
+        let base_color = Vec4::new(1.0, 1.0, 1.0, 0.3);
+        world.material(glass, Material { alpha, base_color, ..Material::default() });
         assert_eq!((world.dropped()[0], world.reason(0).as_str()), (false, "lets light through"));
+        // The same mode lets nothing through where alpha is 1.
+        world.material(glass, Material { alpha, ..Material::default() });
+        assert!(world.dropped()[0]);
     }
 }
 
