@@ -137,7 +137,7 @@ pub struct LightOptions {
 }
 
 /// What an audit costs where nobody says anything.
-const AUDIT_SHARE: f32 = 0.04;
+const AUDIT_SHARE: f32 = 0.06;
 
 impl Default for LightOptions {
     fn default() -> Self {

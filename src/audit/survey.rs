@@ -42,6 +42,8 @@ pub(super) struct Found {
     pub square: f64,
     /// Of what one witness is off by.
     pub noise: f64,
+    /// The parts of both that texels of even classes make.
+    pub of_even: [f64; 2],
     /// Standard error of `square`.
     pub doubt: f64,
     pub texels: u64,
@@ -70,12 +72,17 @@ pub(super) fn survey(
             strata[*s].seen.push([a * b, (a - b).powi(2) / 2.0]);
         }
         progress.advance(rays - before);
-        let [square, noise] = [0, 1].map(|k| strata.iter().map(|s| s.weight * s.mean()[k]).sum::<f64>());
+        let sums = |strata: &mut dyn Iterator<Item = &Stratum>| -> [f64; 2] {
+            let weighed = strata.map(|s| s.mean().map(|square| s.weight * square));
+            weighed.fold([0.0; 2], |sum, add| [sum[0] + add[0], sum[1] + add[1]])
+        };
+        let [square, noise] = sums(&mut strata.iter());
+        let of_even = sums(&mut strata.iter().filter(|s| s.is_even));
         let texels: usize = strata.iter().map(|s| s.seen.len()).sum();
         let doubt = doubt(&strata);
         let known = doubt <= GOOD_ENOUGH * square.max(sampling.resolution);
         if known || drawn.is_empty() || rays >= sampling.rays || texels >= MOST {
-            return Some(Found { square, noise, doubt, texels: texels as u64, rays });
+            return Some(Found { square, noise, of_even, doubt, texels: texels as u64, rays });
         }
         next = shares(&strata);
     }
@@ -98,6 +105,7 @@ fn shares(strata: &[Stratum]) -> Vec<usize> {
 /// A class.
 struct Stratum {
     members: Vec<u32>,
+    is_even: bool,
     drawn: usize,
     /// Share of all texels.
     weight: f64,
@@ -112,11 +120,12 @@ fn strata(sampling: &Sampling) -> Vec<Stratum> {
     for (&e, &class) in sampling.texels.iter().zip(sampling.class) {
         members[usize::from(class)].push(e);
     }
-    members.retain(|members| !members.is_empty());
     let weight = |members: &Vec<u32>| members.len() as f64 / sampling.texels.len() as f64;
-    let stratum =
-        |members: Vec<u32>| Stratum { weight: weight(&members), drawn: 0, seen: Vec::new(), members };
-    members.into_iter().map(stratum).collect()
+    let stratum = |(class, members): (usize, Vec<u32>)| {
+        let (weight, is_even) = (weight(&members), class % 2 == 0);
+        Stratum { weight, is_even, drawn: 0, seen: Vec::new(), members }
+    };
+    members.into_iter().enumerate().filter(|(_, members)| !members.is_empty()).map(stratum).collect()
 }
 
 /// How rough the light is at each of these texels, as a class.
@@ -199,7 +208,7 @@ mod tests {
     use super::*;
 
     fn stratum(count: u32) -> Stratum {
-        Stratum { members: (0..count).collect(), drawn: 0, weight: 1.0, seen: Vec::new() }
+        Stratum { members: (0..count).collect(), is_even: true, drawn: 0, weight: 1.0, seen: Vec::new() }
     }
 
     #[test]
@@ -219,6 +228,8 @@ mod tests {
         let truth = 0.1 + 0.9 * 0.01;
         assert!((found.square - truth).abs() < 3.0 * found.doubt, "{found:?}");
         assert!((found.noise / (4.0 / 3.0) - 1.0).abs() < 0.1, "{found:?}");
+        assert!((found.of_even[0] - 0.9 * 0.01).abs() < 3.0 * found.doubt, "{found:?}");
+        assert!((found.of_even[1] / (0.9 * 4.0 / 3.0) - 1.0).abs() < 0.1, "{found:?}");
         assert!(found.doubt < 0.05 && found.rays <= 4000 + ROUND as u64 + 2, "{found:?}");
     }
 

@@ -14,6 +14,8 @@ const LOOK_BELOW: f64 = 1.5;
 const MOST_PASSES: usize = 8;
 /// A pass that brings the error below this share of the last one's was worth it.
 const WORTHWHILE: f64 = 0.92;
+/// So many passes in a row that were not, and the tolerance is out of reach.
+const MOST_IDLE: usize = 3;
 /// The smallest step up that is worth a pass.
 const LEAST_STEP: f64 = 0.5;
 /// A pass that takes longer than this many times the last one is not foretold well: one between them comes first.
@@ -137,7 +139,7 @@ impl<'a> Schedule<'a> {
         let gained = self.last_error.is_none_or(|before| audit.total < WORTHWHILE * before);
         self.idle = if gained { 0 } else { self.idle + 1 };
         self.last_error = Some(audit.total);
-        if self.effort.is_most() || self.idle == 2 || self.passes == MOST_PASSES {
+        if self.effort.is_most() || self.idle == MOST_IDLE || self.passes == MOST_PASSES {
             self.warnings.push(Warning::new(
                 "tolerance",
                 format!(
@@ -150,10 +152,16 @@ impl<'a> Schedule<'a> {
         }
         // What the estimate may be off by counts: where it is small enough but not surely, more effort makes it so.
         let surely = if audit.total <= wanted { at_most / audit.total } else { 1.0 };
-        let [total, direct, solve, gather] =
-            [audit.total, audit.direct, audit.solve, audit.gather].map(|error| error * surely);
-        let found = Errors { total, direct, solve, gather };
-        self.effort = self.effort.towards(&found, wanted);
+        let of = |error: f64| error * surely;
+        let found = Errors {
+            total: of(audit.total),
+            direct: of(audit.direct),
+            solve: of(audit.solve),
+            gather: of(audit.gather),
+            interpolation: of(audit.interpolation),
+        };
+        // Estimates err: what helped little may have been too little.
+        self.effort = self.effort.towards(&found, wanted).raised(LEAST_STEP * self.idle as f64);
         Some(self.light())
     }
 

@@ -114,10 +114,14 @@ fn energy(out: &mut String, report: &Report) {
     ] {
         line(out, &format!("  {name:<10} {r:>12.5} {g:>12.5} {b:>12.5}"));
     }
-    if let Some(Audit { direct, solve, gather, uncertainty, between_texels, texels, .. }) =
-        report.light.error_parts
-    {
-        let parts = [("shadow borders", direct), ("patches", solve), ("gather", gather)];
+    if let Some(audit) = report.light.error_parts {
+        let Audit { direct, solve, gather, interpolation, uncertainty, between_texels, texels, .. } = audit;
+        let parts = [
+            ("shadow borders", direct),
+            ("patches", solve),
+            ("gather rays", gather),
+            ("interpolation", interpolation),
+        ];
         let parts = parts.map(|(name, share)| format!("{name} {}", percent(share))).join(", ");
         let (texels, doubt) = (plural(texels, "texel"), percent(uncertainty));
         line(out, &format!("error by {texels} lit again, ± {doubt}: {parts}"));
@@ -192,7 +196,8 @@ mod tests {
                     total: 0.011,
                     direct: 0.004,
                     solve: 0.002,
-                    gather: 0.0095,
+                    gather: 0.009,
+                    interpolation: 0.003,
                     uncertainty: 0.001,
                     between_texels: 0.02,
                     texels: 400,

@@ -1,13 +1,13 @@
 //! Direct light of single elements once more, with samples of their own: what the stage's result is judged by.
 
 use super::emitters::EmitterList;
-use super::footprint::{Free, NO_FOOTPRINT, footprint};
+use super::footprint::Footprint;
 use super::index::Index;
 use super::{Direct, Receiver};
 use crate::elements::{Elements, NO_ELEMENT};
 use crate::plan::Sight;
 use crate::sampling::sobol4;
-use crate::transport::Tracer;
+use crate::transport::{Tracer, World};
 use crate::units::Irradiance;
 use glam::Vec3;
 
@@ -46,6 +46,7 @@ impl<'a> Again<'a> {
         let back = self.elements.charts[self.elements.chart[e] as usize].back;
         let clear = self.sight.is_clear(self.elements.triangle[e], usize::from(back));
         let refined = self.direct.refined[e];
+        let footprint = self.footprint(element, tracer.world());
         let points = sobol4(rays.max(4), 0, seed);
         let points = if refined { &points[..] } else { &points[..points.len().min(QUIET)] };
         let (mut sum, mut sent) = (Irradiance::ZERO, 0);
@@ -55,29 +56,22 @@ impl<'a> Again<'a> {
             if open.0.max_element() <= 0.0 {
                 continue;
             }
-            if clear {
+            let (world, sharp) = (tracer.world(), emitter.is_sharp());
+            let seen = |from| emitter.shaft(from, world.bounds());
+            if clear || footprint.sees_all(Vec3::ZERO, world, seen) {
                 sum += open;
                 continue;
             }
-            let mut place = receiver;
-            let strays = self.footprint(element, emitter.is_sharp());
-            let off = receiver.origin_world - receiver.position_world;
             let (mut all, mut passed) = (Vec3::ZERO, Vec3::ZERO);
             // Where all samples strayed into something, the middle of the texel stands for it.
-            for (half_u, half_v, lift) in [strays, NO_FOOTPRINT] {
-                let centre = receiver.position_world + receiver.normal_geometric * lift;
-                let free = Free::of(self.elements, element, &receiver, half_u, half_v);
+            for footprint in [footprint.for_light(sharp), footprint.only_middle()] {
                 for &[s, t, u, v] in points {
-                    place.position_world = centre + half_u * (2.0 * s - 1.0) + half_v * (2.0 * t - 1.0);
-                    place.origin_world = place.position_world + off;
-                    if free.is_some_and(|free| free.is_left(&place, tracer, &mut sent)) {
-                        continue;
-                    }
+                    let Some(place) = footprint.at([s, t], tracer, &mut sent) else { continue };
                     let Some(shadow) = emitter.shadow_ray(&place, [u, v]) else { continue };
                     sent += u64::from(T::SENDS);
                     all += shadow.weight;
                     passed += shadow.weight * tracer.transmittance(&shadow.ray);
-                    if half_u == Vec3::ZERO && emitter.is_sharp() {
+                    if footprint.is_point() && sharp {
                         break;
                     }
                 }
@@ -91,7 +85,7 @@ impl<'a> Again<'a> {
         (sum, sent)
     }
 
-    fn footprint(&self, element: u32, sharp: bool) -> (Vec3, Vec3, f32) {
+    fn footprint(&self, element: u32, world: &World) -> Footprint {
         let e = element as usize;
         let chart = &self.elements.charts[self.elements.chart[e] as usize];
         let page = &self.elements.pages[chart.page as usize];
@@ -102,6 +96,6 @@ impl<'a> Again<'a> {
         let around = on_page
             .map(|(x, y)| page.element[(y * size + x) as usize])
             .filter(|&n| n != NO_ELEMENT && chart.elements.contains(&n) && self.elements.valid[n as usize]);
-        footprint(self.elements, element, sharp, around)
+        Footprint::new(self.elements, element, world, around)
     }
 }

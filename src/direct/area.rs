@@ -2,7 +2,7 @@
 
 use super::{Emitter, Receiver, ShadowRay};
 use crate::transport::form_factors::polygon::point_to_polygon_shaded;
-use crate::transport::segment_to_surface;
+use crate::transport::{Shaft, segment_to_surface};
 use crate::units::Irradiance;
 use glam::{DVec3, Vec3};
 use std::f32::consts::PI;
@@ -183,6 +183,10 @@ pub struct AreaEmitter {
     polygons: Vec<Polygon>,
     /// Running share of the strength, ends with 1.
     cumulative: Vec<f32>,
+    /// Lowest and highest corner.
+    bounds: [Vec3; 2],
+    /// Where all polygons face one way: their normal, and the greatest height of a corner along it.
+    facing: Option<(Vec3, f64)>,
 }
 
 impl AreaEmitter {
@@ -200,12 +204,23 @@ impl AreaEmitter {
                 (sum / total) as f32
             })
             .collect();
-        Some(Self { polygons, cumulative })
+        Some(Self::of(polygons, cumulative))
+    }
+
+    fn of(polygons: Vec<Polygon>, cumulative: Vec<f32>) -> Self {
+        let corners = || polygons.iter().flat_map(|p| &p.corners[..p.count]);
+        let (low, high) = corners()
+            .map(|c| c.as_vec3())
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), c| (low.min(c), high.max(c)));
+        let normal = polygons[0].normal;
+        let height = || corners().map(|c| c.dot(normal.as_dvec3())).fold(f64::NEG_INFINITY, f64::max);
+        let facing = polygons.iter().all(|p| p.normal == normal).then(|| (normal, height()));
+        Self { polygons, cumulative, bounds: [low, high], facing }
     }
 
     /// One polygon that sends nothing; `None` when it has no area.
     pub fn black(corners: &[Vec3]) -> Option<Self> {
-        Some(Self { polygons: vec![Polygon::new(corners, Vec3::ZERO)?], cumulative: vec![1.0] })
+        Some(Self::of(vec![Polygon::new(corners, Vec3::ZERO)?], vec![1.0]))
     }
 
     /// A point amid the polygons.
@@ -248,6 +263,15 @@ impl Emitter for AreaEmitter {
 
     fn is_sharp(&self) -> bool {
         false
+    }
+
+    fn shaft(&self, from: [Vec3; 2], _: [Vec3; 2]) -> Shaft {
+        // Rays end raised above the emitter by more than its own corners are off its plane.
+        let shaft = Shaft::new(from, self.bounds);
+        match self.facing {
+            Some((normal, height)) => shaft.above(normal, height),
+            None => shaft,
+        }
     }
 }
 

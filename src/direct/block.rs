@@ -2,55 +2,19 @@
 //! are found by comparing neighbours.
 
 use super::emitters::{AnyEmitter, EmitterList};
-use super::footprint::{Free, NO_FOOTPRINT, footprint};
+use super::footprint::Footprint;
+use super::index::Block;
 use super::penumbra::Patterns;
-use super::{Emitter, Receiver};
+use super::shafts::{Known, Search, Tiles};
+use super::{Emitter, Receiver, ShadowRay};
 use crate::elements::{Elements, NO_ELEMENT};
 use crate::plan::Sight;
 use crate::transport::{Tracer, World};
 use crate::units::Irradiance;
 use glam::Vec3;
 
-/// Width of a block, texels.
-const TILE: u16 = 64;
 /// Texels around the block that are probed too, so that borders of shadows on its rim are seen.
 const APRON: usize = 2;
-
-/// A rectangle of texels of one chart, `[min, max)`.
-#[derive(Clone, Copy, Debug)]
-pub struct Block {
-    /// Chart of the elements.
-    pub chart: u32,
-    /// First texel.
-    pub min: [u16; 2],
-    /// Exclusive end.
-    pub max: [u16; 2],
-}
-
-impl Block {
-    /// Texels of the rectangle.
-    pub fn inner_area(&self) -> u64 {
-        u64::from(self.max[0] - self.min[0]) * u64::from(self.max[1] - self.min[1])
-    }
-}
-
-/// Cuts all charts into blocks.
-pub fn cut(elements: &Elements) -> Vec<Block> {
-    let mut blocks = Vec::new();
-    for (index, chart) in elements.charts.iter().enumerate() {
-        if chart.elements.is_empty() {
-            continue;
-        }
-        for y in (chart.min[1]..chart.max[1]).step_by(TILE.into()) {
-            for x in (chart.min[0]..chart.max[0]).step_by(TILE.into()) {
-                let max =
-                    [x.saturating_add(TILE).min(chart.max[0]), y.saturating_add(TILE).min(chart.max[1])];
-                blocks.push(Block { chart: index as u32, min: [x, y], max });
-            }
-        }
-    }
-    blocks
-}
 
 /// Where every texel is refined, so many rays that all agree tell that no shadow border passes.
 const ENOUGH: usize = 256;
@@ -60,6 +24,8 @@ const ENOUGH: usize = 256;
 enum Class {
     /// No element, or the emitter cannot light it.
     Out,
+    /// Nothing can stand between: no need of rays.
+    Clear,
     Lit,
     Shadowed,
     Mixed,
@@ -128,8 +94,15 @@ pub fn light<T: Tracer>(
     let mut asked = bright.clone();
     list.add_vain(candidates, &mut asked);
     let mut scratch = Scratch::new(grid.id.len());
+    let sends = T::SENDS && !asked.is_empty();
+    let footprints = if sends { grid.footprints(tracer.world()) } else { Vec::new() };
+    let is_lit = |i: usize| !grid.is_rim(i) && grid.id[i] != NO_ELEMENT;
+    let tiles = sends.then(|| {
+        let lit = footprints.iter().enumerate().map(|(i, &footprint)| is_lit(i).then_some(footprint));
+        Tiles::new([grid.width, grid.height], lit)
+    });
     for &index in &asked {
-        let work = Work { grid: &grid, tracer, patterns };
+        let work = Work { grid: &grid, footprints: &footprints, tiles: tiles.as_ref(), tracer, patterns };
         match &list.emitters[index as usize] {
             AnyEmitter::Area(e) => work.add(e, &mut scratch, &mut sum, rays),
             AnyEmitter::Point(e) => work.add(e, &mut scratch, &mut sum, rays),
@@ -194,15 +167,28 @@ impl<'a> Grid<'a> {
         [i - w - 1, i - w, i - w + 1, i - 1, i + 1, i + w - 1, i + w, i + w + 1]
     }
 
+    /// Whether it has not all neighbours on the grid.
+    fn is_rim(&self, i: usize) -> bool {
+        let within = |k: usize, size: usize| (1..size - 1).contains(&k);
+        !within(i % self.width, self.width) || !within(i / self.width, self.height)
+    }
+
     fn phase(&self, i: usize) -> usize {
         let x = self.origin_in_chart[0] + (i % self.width) as i32;
         let y = self.origin_in_chart[1] + (i / self.width) as i32;
         Patterns::phase(x.rem_euclid(3) as usize, y.rem_euclid(3) as usize)
     }
 
-    fn footprint(&self, i: usize, sharp: bool) -> (Vec3, Vec3, f32) {
-        let around = self.neighbours(i).into_iter().map(|n| self.id[n]).filter(|&n| n != NO_ELEMENT);
-        footprint(self.elements, self.id[i], sharp, around)
+    /// Where the texels' shadow rays start. Of the rim, whose texels are only compared with, the middles.
+    fn footprints(&self, world: &World) -> Vec<Footprint> {
+        let footprint = |i: usize| {
+            if self.is_rim(i) || self.id[i] == NO_ELEMENT {
+                return Footprint::point(self.receiver[i]);
+            }
+            let around = self.neighbours(i).into_iter().map(|n| self.id[n]).filter(|&n| n != NO_ELEMENT);
+            Footprint::new(self.elements, self.id[i], world, around)
+        };
+        (0..self.id.len()).map(footprint).collect()
     }
 }
 
@@ -210,6 +196,7 @@ impl<'a> Grid<'a> {
 struct Scratch {
     unoccluded: Vec<Irradiance>,
     class: Vec<Class>,
+    known: Vec<Known>,
     ratio: Vec<Vec3>,
     refined: Vec<bool>,
 }
@@ -219,14 +206,28 @@ impl Scratch {
         Self {
             unoccluded: vec![Irradiance::ZERO; n],
             class: vec![Class::Out; n],
+            known: vec![Known::Nothing; n],
             ratio: vec![Vec3::ZERO; n],
             refined: vec![false; n],
         }
     }
 }
 
+/// What came of a shadow ray.
+struct Shadow {
+    weight: Vec3,
+    /// The share of light that passes.
+    passed: Vec3,
+    /// Rays it took.
+    rays: u64,
+}
+
 struct Work<'a, T> {
     grid: &'a Grid<'a>,
+    /// A row a texel; none where rays are not sent.
+    footprints: &'a [Footprint],
+    /// None where rays are not sent.
+    tiles: Option<&'a Tiles>,
     tracer: &'a T,
     patterns: &'a Patterns,
 }
@@ -246,6 +247,7 @@ impl<T: Tracer> Work<'_, T> {
             sum[i].1 |= scratch.refined[i];
             sum[i].0 += match (scratch.refined[i], scratch.class[i]) {
                 (true, _) => Irradiance(open.0 * self.smoothed(emitter, scratch, i)),
+                (false, Class::Clear) => open,
                 (false, Class::Lit) => Irradiance(open.0 * scratch.ratio[i]),
                 (false, _) => Irradiance::ZERO,
             };
@@ -256,44 +258,47 @@ impl<T: Tracer> Work<'_, T> {
         let grid = self.grid;
         for i in 0..grid.id.len() {
             scratch.refined[i] = false;
+            scratch.known[i] = Known::Nothing;
             scratch.class[i] = Class::Out;
-            scratch.unoccluded[i] = Irradiance::ZERO;
-            if grid.id[i] == NO_ELEMENT {
-                continue;
+            let present = grid.id[i] != NO_ELEMENT;
+            let open = if present { emitter.unoccluded(&grid.receiver[i]) } else { Irradiance::ZERO };
+            scratch.unoccluded[i] = if open.0.max_element() > 0.0 { open } else { Irradiance::ZERO };
+        }
+        let lit = |i: usize| scratch.unoccluded[i].0.max_element() > 0.0;
+        match self.tiles {
+            Some(tiles) => {
+                Search { emitter, world: self.tracer.world(), tiles }.run(&mut scratch.known, lit);
             }
-            let receiver = &grid.receiver[i];
-            let open = emitter.unoccluded(receiver);
-            if open.0.max_element() <= 0.0 {
-                continue;
+            None => scratch.known.fill(Known::Clear),
+        }
+        for i in (0..grid.id.len()).filter(|&i| lit(i)) {
+            (scratch.class[i], scratch.ratio[i]) = match scratch.known[i] {
+                Known::Clear => (Class::Clear, Vec3::ONE),
+                Known::Nothing => self.ask(emitter, i, rays),
+            };
+        }
+    }
+
+    /// What a few rays from all over the texel to all over the emitter tell.
+    fn ask<E: Emitter>(&self, emitter: &E, i: usize, rays: &mut u64) -> (Class, Vec3) {
+        let points = self.patterns.probe(self.grid.phase(i), emitter.is_sharp());
+        let mut before = None;
+        let footprint = self.footprints[i].for_light(emitter.is_sharp());
+        // Of a part of a texel few probes would be left to tell.
+        if footprint.is_parted() {
+            return (Class::Mixed, Vec3::ZERO);
+        }
+        for Shadow { passed, rays: sent, .. } in self.shadows(emitter, footprint, points) {
+            *rays += sent;
+            if before.is_some_and(|before| before != passed) {
+                return (Class::Mixed, passed);
             }
-            scratch.unoccluded[i] = open;
-            let points = &self.patterns.probe[grid.phase(i)];
-            let points = if emitter.is_sharp() { &points[..self.patterns.sharp_probes] } else { &points[..] };
-            let mut first = None;
-            let mut class = Class::Mixed;
-            let mut seen = Vec3::ZERO;
-            for &uv in points {
-                let Some(shadow) = emitter.shadow_ray(receiver, uv) else { continue };
-                *rays += u64::from(T::SENDS);
-                let passed = self.tracer.transmittance(&shadow.ray);
-                match first {
-                    None => {
-                        first = Some(passed);
-                        seen = passed;
-                        class = if passed == Vec3::ZERO { Class::Shadowed } else { Class::Lit };
-                        if !T::SENDS {
-                            break;
-                        }
-                    }
-                    Some(before) if before != passed => {
-                        class = Class::Mixed;
-                        break;
-                    }
-                    Some(_) => {}
-                }
-            }
-            scratch.class[i] = class;
-            scratch.ratio[i] = seen;
+            before = Some(passed);
+        }
+        match before {
+            None => (Class::Mixed, Vec3::ZERO),
+            Some(Vec3::ZERO) => (Class::Shadowed, Vec3::ZERO),
+            Some(passed) => (Class::Lit, passed),
         }
     }
 
@@ -301,20 +306,19 @@ impl<T: Tracer> Work<'_, T> {
     fn refine<E: Emitter>(&self, emitter: &E, scratch: &mut Scratch, rays: &mut u64) {
         let grid = self.grid;
         for i in grid.ring(1) {
-            let class = scratch.class[i];
-            if class == Class::Out {
-                continue;
-            }
-            let doubtful = class == Class::Mixed
-                || self.patterns.everywhere && T::SENDS
-                || grid.neighbours(i).iter().any(|&n| {
-                    scratch.class[n] != Class::Out
-                        && (scratch.class[n] != class
-                            || class == Class::Lit && scratch.ratio[n] != scratch.ratio[i])
-                });
-            if doubtful {
-                scratch.refined[i] = true;
-            }
+            let own = scratch.class[i];
+            let differs = |n: usize| match (own, scratch.class[n]) {
+                (_, Class::Out) => false,
+                (Class::Lit, Class::Lit | Class::Clear) => scratch.ratio[n] != scratch.ratio[i],
+                (own, other) => own != other,
+            };
+            scratch.refined[i] = match own {
+                Class::Out | Class::Clear => false,
+                Class::Mixed => true,
+                Class::Lit | Class::Shadowed => {
+                    self.patterns.everywhere || grid.neighbours(i).into_iter().any(differs)
+                }
+            };
         }
         for i in grid.ring(1) {
             if scratch.refined[i] {
@@ -325,10 +329,12 @@ impl<T: Tracer> Work<'_, T> {
 
     /// Visible share of the emitter, averaged over the free part of the texel's footprint.
     fn visibility<E: Emitter>(&self, emitter: &E, i: usize, rays: &mut u64) -> Vec3 {
-        let footprint = self.grid.footprint(i, emitter.is_sharp());
+        let footprint = self.footprints[i].for_light(emitter.is_sharp());
         let whole = self.visibility_over(emitter, i, footprint, rays);
         // Where all samples strayed into something, the middle of the texel stands for it.
-        whole.or_else(|| self.visibility_over(emitter, i, NO_FOOTPRINT, rays)).unwrap_or(Vec3::ZERO)
+        whole
+            .or_else(|| self.visibility_over(emitter, i, footprint.only_middle(), rays))
+            .unwrap_or(Vec3::ZERO)
     }
 
     /// The same over a footprint; none where no sample of it sees the emitter's side.
@@ -336,35 +342,40 @@ impl<T: Tracer> Work<'_, T> {
         &self,
         emitter: &E,
         i: usize,
-        (half_u, half_v, lift): (Vec3, Vec3, f32),
+        footprint: Footprint,
         rays: &mut u64,
     ) -> Option<Vec3> {
-        let mut receiver = self.grid.receiver[i];
-        let free = Free::of(self.grid.elements, self.grid.id[i], &receiver, half_u, half_v);
-        let clear = receiver.origin_world - receiver.position_world;
-        let centre = receiver.position_world + receiver.normal_geometric * lift;
         let (mut all, mut passed) = (Vec3::ZERO, Vec3::ZERO);
         let points = &self.patterns.refine[self.grid.phase(i)];
-        for (sent, &[s, t, u, v]) in points.iter().enumerate() {
-            if self.patterns.everywhere && sent == ENOUGH && (passed == all || passed == Vec3::ZERO) {
+        for (number, shadow) in self.shadows(emitter, footprint, points).enumerate() {
+            if self.patterns.everywhere && number == ENOUGH && (passed == all || passed == Vec3::ZERO) {
                 break;
             }
-            receiver.position_world = centre + half_u * (2.0 * s - 1.0) + half_v * (2.0 * t - 1.0);
-            receiver.origin_world = receiver.position_world + clear;
-            if free.is_some_and(|free| free.is_left(&receiver, self.tracer, rays)) {
-                continue;
-            }
-            let Some(shadow) = emitter.shadow_ray(&receiver, [u, v]) else { continue };
-            *rays += u64::from(T::SENDS);
+            *rays += shadow.rays;
             all += shadow.weight;
-            passed += shadow.weight * self.tracer.transmittance(&shadow.ray);
-            if emitter.is_sharp() && half_u == Vec3::ZERO {
-                break;
-            }
+            passed += shadow.weight * shadow.passed;
         }
         (all != Vec3::ZERO).then(|| {
             let share = |k: usize| if all[k] > 0.0 { (passed[k] / all[k]).min(1.0) } else { 0.0 };
             Vec3::from_array(std::array::from_fn(share))
+        })
+    }
+
+    /// What is found for each point of texel and emitter that face each other, as far as nothing parts them from the
+    /// texel's middle.
+    fn shadows<'s, E: Emitter>(
+        &'s self,
+        emitter: &'s E,
+        footprint: Footprint,
+        points: &'s [[f32; 4]],
+    ) -> impl Iterator<Item = Shadow> + use<'s, E, T> {
+        let one_decides = emitter.is_sharp() && footprint.is_point();
+        let points = if one_decides { &points[..1] } else { points };
+        points.iter().filter_map(move |&[s, t, u, v]| {
+            let mut rays = 1;
+            let receiver = footprint.at([s, t], self.tracer, &mut rays)?;
+            let ShadowRay { ray, weight } = emitter.shadow_ray(&receiver, [u, v])?;
+            Some(Shadow { weight, passed: self.tracer.transmittance(&ray), rays })
         })
     }
 
@@ -373,7 +384,8 @@ impl<T: Tracer> Work<'_, T> {
     /// from the texel's own value than twice what samples err by, the ramp bends, and the value stays.
     fn smoothed<E: Emitter>(&self, emitter: &E, scratch: &Scratch, i: usize) -> Vec3 {
         let around = self.grid.neighbours(i);
-        if emitter.is_sharp() || self.patterns.everywhere || !around.iter().all(|&n| scratch.refined[n]) {
+        let known = |n: usize| scratch.refined[n] || scratch.class[n] == Class::Clear;
+        if emitter.is_sharp() || self.patterns.everywhere || !around.into_iter().all(known) {
             return scratch.ratio[i];
         }
         let own = scratch.ratio[i];

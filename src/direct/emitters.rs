@@ -8,6 +8,7 @@ use super::{Emitter, Receiver, ShadowRay};
 use crate::options::Effect;
 use crate::plan::{Lights, Plan, Rooms, Shining, meet};
 use crate::scene::{Cone, LampKind, Scene, Sky, SpotFalloff, Surface, SurfacePoint};
+use crate::transport::Shaft;
 use crate::units::{Intensity, Irradiance};
 use glam::{Vec2, Vec3};
 
@@ -122,6 +123,15 @@ impl AnyEmitter {
             Self::Area(e) => e.is_sharp(),
             Self::Point(e) => e.is_sharp(),
             Self::Sun(e) => e.is_sharp(),
+        }
+    }
+
+    /// See [`Emitter::shaft`].
+    pub(super) fn shaft(&self, from: [Vec3; 2], world: [Vec3; 2]) -> Shaft {
+        match self {
+            Self::Area(e) => e.shaft(from, world),
+            Self::Point(e) => e.shaft(from, world),
+            Self::Sun(e) => e.shaft(from, world),
         }
     }
 

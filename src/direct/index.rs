@@ -1,7 +1,45 @@
 //! From an element to its block.
 
-use super::Block;
 use crate::elements::Elements;
+
+/// Width of a block, texels.
+const TILE: u16 = 64;
+
+/// A rectangle of texels of one chart, `[min, max)`.
+#[derive(Clone, Copy, Debug)]
+pub struct Block {
+    /// Chart of the elements.
+    pub chart: u32,
+    /// First texel.
+    pub min: [u16; 2],
+    /// Exclusive end.
+    pub max: [u16; 2],
+}
+
+impl Block {
+    /// Texels of the rectangle.
+    pub fn inner_area(&self) -> u64 {
+        u64::from(self.max[0] - self.min[0]) * u64::from(self.max[1] - self.min[1])
+    }
+}
+
+/// Cuts all charts into blocks.
+pub fn cut(elements: &Elements) -> Vec<Block> {
+    let mut blocks = Vec::new();
+    for (index, chart) in elements.charts.iter().enumerate() {
+        if chart.elements.is_empty() {
+            continue;
+        }
+        for y in (chart.min[1]..chart.max[1]).step_by(TILE.into()) {
+            for x in (chart.min[0]..chart.max[0]).step_by(TILE.into()) {
+                let max =
+                    [x.saturating_add(TILE).min(chart.max[0]), y.saturating_add(TILE).min(chart.max[1])];
+                blocks.push(Block { chart: index as u32, min: [x, y], max });
+            }
+        }
+    }
+    blocks
+}
 
 /// Finds the block of an element.
 pub(super) struct Index {

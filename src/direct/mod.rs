@@ -1,7 +1,8 @@
 //! Light from emitters straight to every element.
 //!
-//! The unoccluded irradiance is a closed form; visibility multiplies it. Every element probes every emitter with a
-//! few rays; only where the probes of an element or of its eight neighbours disagree, a shadow border passes and
+//! The unoccluded irradiance is a closed form; visibility multiplies it. Where no triangle reaches into the shaft between
+//! a texel, or a whole tile of them, and an emitter, all of it is seen and no ray is sent. Other elements probe the emitter
+//! with a few rays; only where the probes of an element or of its eight neighbours disagree, a shadow border passes and
 //! many more rays are spent. Sky light that is smooth is not here: the gather's rays that miss bring it. Where
 //! hundreds of emitters reach a place, each of the faint ones adds so little that its shadow borders cannot be
 //! seen: their sum is smooth too, and is left to the nodes of the gather ([`Faint`]).
@@ -16,20 +17,21 @@ mod index;
 mod penumbra;
 mod point;
 mod probing;
+mod shafts;
 mod sky;
 mod sun;
 
 pub use again::Again;
-pub use block::Block;
 pub use emitters::{EmitterList, collect};
 pub use faint::Faint;
+pub use index::Block;
 pub use probing::probe_rays;
 
 use crate::elements::Elements;
 use crate::options::DirectOptions;
 use crate::plan::{Plan, Rooms};
 use crate::progress::Progress;
-use crate::transport::{ClearTracer, Ray, Tracer, World};
+use crate::transport::{ClearTracer, Ray, Shaft, Tracer, World};
 use crate::units::Irradiance;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -81,6 +83,10 @@ pub trait Emitter: Sync {
 
     /// Whether one ray decides: the emitter has no extent.
     fn is_sharp(&self) -> bool;
+
+    /// The space that shadow rays from a box of `origin_world`s (lowest and highest corner) stay in, in a world of these
+    /// bounds.
+    fn shaft(&self, from: [Vec3; 2], world: [Vec3; 2]) -> Shaft;
 }
 
 /// What the stage found.
@@ -135,7 +141,7 @@ pub fn light<T: Tracer>(
     seed: u32,
     progress: &mut Progress,
 ) -> Direct {
-    let blocks = block::cut(elements);
+    let blocks = index::cut(elements);
     let (candidates, candidates_of_chart) = candidates(elements, emitters, &plan.rooms);
     let mut direct = Direct {
         irradiance: vec![Irradiance::ZERO; elements.len()],

@@ -9,12 +9,12 @@ pub const PERIOD: usize = 3;
 
 /// The sample sets, made once.
 pub struct Patterns {
-    /// Per texel phase: emitter points of the probe.
-    pub probe: Vec<Vec<[f32; 2]>>,
-    /// Per texel phase: `[texel u, texel v, emitter u, emitter v]` of the refinement.
+    /// Per texel phase: `[texel u, texel v, emitter u, emitter v]` of the probe,
+    probe: Vec<Vec<[f32; 4]>>,
+    /// of the probe of a light without extent,
+    sharp_probe: Vec<Vec<[f32; 4]>>,
+    /// and of the refinement.
     pub refine: Vec<Vec<[f32; 4]>>,
-    /// How many points of the probe are asked of a light without extent.
-    pub sharp_probes: usize,
     /// Whether every texel counts as one that a shadow border passes, and none is averaged with its neighbours.
     pub everywhere: bool,
     /// Standard error of a visible share found by one set of the refinement. The border of a shadow cuts the four
@@ -30,11 +30,8 @@ impl Patterns {
         let probe_rays = options.probe_rays.max(1);
         // One stratified set over all phases, dealt out so that each phase gets a spread-out share.
         let all = sobol4(probe_rays * phases as u32, 0, seeded(seed, 1));
-        let probe = (0..phases)
-            .map(|k| {
-                (0..probe_rays as usize).map(|i| [all[i * phases + k][0], all[i * phases + k][1]]).collect()
-            })
-            .collect();
+        let probe: Vec<Vec<_>> =
+            (0..phases).map(|k| (0..probe_rays as usize).map(|i| all[i * phases + k]).collect()).collect();
         let refine_rays = options.penumbra_rays.max(4);
         let base = sobol4(refine_rays, 0, seeded(seed, 2));
         let refine = (0..phases)
@@ -45,9 +42,20 @@ impl Patterns {
                 shifted(&base, [turn(0.856_674_9), turn(0.733_891_9), turn(0.628_706_7), turn(0.538_597_3)])
             })
             .collect();
-        let sharp_probes = if sharp_as_soft { probe_rays as usize } else { 1 };
+        // Two dimensions less: half the points. Asked as if there were an extent, each stands for two points of the light.
+        let times = if sharp_as_soft { 2 } else { 1 };
+        let half = |points: &Vec<[f32; 4]>| {
+            let points = points[..points.len().div_ceil(2)].iter();
+            points.flat_map(|&point| std::iter::repeat_n(point, times)).collect()
+        };
+        let sharp_probe = probe.iter().map(half).collect();
         let visibility_error = 0.5 * (refine_rays as f32).powf(-0.625);
-        Self { probe, refine, sharp_probes, everywhere: options.probe_rays == 0, visibility_error }
+        Self { probe, sharp_probe, refine, everywhere: options.probe_rays == 0, visibility_error }
+    }
+
+    /// Points of a texel's probe.
+    pub fn probe(&self, phase: usize, is_sharp: bool) -> &[[f32; 4]] {
+        if is_sharp { &self.sharp_probe[phase] } else { &self.probe[phase] }
     }
 
     /// The phase of a texel.

@@ -3,7 +3,7 @@
 use super::{Emitter, Receiver, ShadowRay};
 use crate::sampling::{disc, frame};
 use crate::scene::{Cone, SpotFalloff};
-use crate::transport::segment;
+use crate::transport::{Shaft, segment};
 use crate::units::{Intensity, Irradiance};
 use glam::Vec3;
 
@@ -87,5 +87,10 @@ impl Emitter for PointEmitter {
 
     fn is_sharp(&self) -> bool {
         self.radius_m <= 0.0
+    }
+
+    fn shaft(&self, from: [Vec3; 2], _: [Vec3; 2]) -> Shaft {
+        let radius = Vec3::splat(self.radius_m.max(0.0));
+        Shaft::new(from, [self.position_world - radius, self.position_world + radius])
     }
 }

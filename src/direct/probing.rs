@@ -1,11 +1,13 @@
 //! How many shadow rays probing will send, without sending any.
 
 use super::emitters::EmitterList;
+use super::footprint::Footprint;
 use super::{Receiver, candidates};
 use crate::elements::Elements;
 use crate::options::DirectOptions;
 use crate::plan::Plan;
 use crate::transport::World;
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Elements that are looked at; they stand for the others.
@@ -42,10 +44,15 @@ pub fn probe_rays(
             emitters.add_vain(within, &mut asked);
             let reaching = asked.iter().map(|&k| &emitters.emitters[k as usize]);
             let reaching = reaching.filter(|emitter| emitter.unoccluded(&receiver).0.max_element() > 0.0);
+            let middle = Footprint::point(receiver);
+            let asked = reaching.filter(|emitter| {
+                !middle.sees_all(Vec3::ZERO, world, |from| emitter.shaft(from, world.bounds()))
+            });
             let one = |sharp: bool| {
-                if sharp && !emitters.sharp_as_soft && options.probe_rays > 0 { 1 } else { soft }
+                let half = sharp && !emitters.sharp_as_soft && options.probe_rays > 0;
+                if half { soft.div_ceil(2) } else { soft }
             };
-            reaching.map(|emitter| u64::from(one(emitter.is_sharp()))).sum()
+            asked.map(|emitter| u64::from(one(emitter.is_sharp()))).sum()
         })
         .sum();
     rays * stride as u64

@@ -2,7 +2,7 @@
 
 use super::{Emitter, Receiver, ShadowRay};
 use crate::sampling::{disc, frame};
-use crate::transport::Ray;
+use crate::transport::{Ray, Shaft};
 use crate::units::Irradiance;
 use glam::Vec3;
 
@@ -41,6 +41,13 @@ impl Emitter for SunEmitter {
 
     fn is_sharp(&self) -> bool {
         self.sin_radius <= 0.0
+    }
+
+    fn shaft(&self, from: [Vec3; 2], [low, high]: [Vec3; 2]) -> Shaft {
+        // So far that all of the world is passed.
+        let length = (high.max(from[1]) - low.min(from[0])).length();
+        let (end, wide) = (self.toward_world * length, Vec3::splat(length * self.sin_radius));
+        Shaft::new(from, [from[0] + end - wide, from[1] + end + wide])
     }
 }
 

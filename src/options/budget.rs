@@ -11,21 +11,25 @@ use super::{DirectOptions, GatherOptions, LightOptions, Quality, SolveOptions};
 const USUAL: [f64; RUNGS] = [0.030, 0.021, 0.014, 0.006, 0.0026];
 const RUNGS: usize = 5;
 /// The highest places: there shadow rays, patches and gather rays are as many as is of any use.
-const MOST: Effort = Effort { direct: 7.0, solve: 5.0, gather: 6.5 };
+const MOST: Effort = Effort { direct: 7.0, solve: 5.0, gather: 6.5, nodes: 6.5 };
 
-/// Shares of the mean square that stages may err: gathers are what costs.
-const SHARES: [f64; 3] = [0.25, 0.15, 0.6];
+/// Shares of the mean square that may be off, in the order of [`Effort`]'s parts. What a part costs falls with a power a of
+/// its mean square, and all together cost least where shares are as a times what the part costs: gathers cost most, by
+/// their rays (a = 1/1.2) and by their nodes (a about 0.4).
+const SHARES: [f64; PARTS] = [0.25, 0.15, 0.4, 0.2];
+const PARTS: usize = 4;
 /// Estimates are off themselves, so a little less than what is allowed is aimed at.
 const AIM: f64 = 0.85;
 
 /// Probe and shadow rays.
-const DIRECT: [[f64; 2]; RUNGS] = [[2.0, 16.0], [4.0, 32.0], [8.0, 64.0], [8.0, 128.0], [16.0, 256.0]];
+const DIRECT: [[f64; 2]; RUNGS] = [[4.0, 16.0], [6.0, 32.0], [8.0, 64.0], [16.0, 128.0], [16.0, 256.0]];
 /// Patches, and rays of each.
 const SOLVE: [[f64; 2]; RUNGS] =
     [[1000.0, 32.0], [2000.0, 32.0], [4000.0, 32.0], [8000.0, 64.0], [16000.0, 64.0]];
-/// Gather rays, and the difference of nodes that is interpolated over.
-const GATHER: [[f64; 2]; RUNGS] =
-    [[128.0, 0.12], [192.0, 0.08], [256.0, 0.05], [1024.0, 0.02], [4096.0, 0.008]];
+/// Gather rays.
+const GATHER: [[f64; 1]; RUNGS] = [[128.0], [192.0], [256.0], [1024.0], [4096.0]];
+/// The difference of nodes that is interpolated over.
+const NODES: [[f64; 1]; RUNGS] = [[0.12], [0.08], [0.05], [0.02], [0.008]];
 
 /// How far off the light may be: root mean squares as shares of the mean light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,8 +40,10 @@ pub struct ErrorBudget {
     pub direct: f64,
     /// the coarse solution as seen by gathers,
     pub solve: f64,
-    /// and the gathers.
+    /// the few rays of a gather,
     pub gather: f64,
+    /// and interpolation between gathers.
+    pub interpolation: f64,
 }
 
 /// What an audit found, in the same parts.
@@ -50,15 +56,24 @@ pub struct Effort {
     pub direct: f64,
     /// Patches and their rays.
     pub solve: f64,
-    /// Gather rays, and how far nodes stand apart.
+    /// Gather rays.
     pub gather: f64,
+    /// How close to each other gathers are.
+    pub nodes: f64,
 }
 
 impl ErrorBudget {
     /// So much in all, split as pays best.
     pub fn new(total: f64) -> Self {
-        let [direct, solve, gather] = SHARES.map(|share| share.sqrt() * total);
-        Self { total, direct, solve, gather }
+        Self::of_parts(total, SHARES.map(|share| share.sqrt() * total))
+    }
+
+    fn of_parts(total: f64, [direct, solve, gather, interpolation]: [f64; PARTS]) -> Self {
+        Self { total, direct, solve, gather, interpolation }
+    }
+
+    fn parts(&self) -> [f64; PARTS] {
+        [self.direct, self.solve, self.gather, self.interpolation]
     }
 
     /// What a level usually errs.
@@ -68,29 +83,29 @@ impl ErrorBudget {
 
     /// The places where stages usually err as much.
     pub fn effort(&self) -> Effort {
-        let [direct, solve, gather] = SHARES.map(f64::sqrt);
-        Effort {
-            direct: place(self.direct / direct),
-            solve: place(self.solve / solve),
-            gather: place(self.gather / gather),
-        }
-        .within_reach()
+        let parts = self.parts();
+        Effort::of_parts(std::array::from_fn(|k| place(parts[k] / SHARES[k].sqrt()))).within_reach()
     }
 }
 
 impl Effort {
     /// All stages at one place.
     pub fn all(place: f64) -> Self {
-        Self { direct: place, solve: place, gather: place }.within_reach()
+        Self::of_parts([place; PARTS]).within_reach()
+    }
+
+    fn of_parts([direct, solve, gather, nodes]: [f64; PARTS]) -> Self {
+        Self { direct, solve, gather, nodes }
+    }
+
+    fn parts(&self) -> [f64; PARTS] {
+        [self.direct, self.solve, self.gather, self.nodes]
     }
 
     /// Neither below draft nor beyond what is of use.
     fn within_reach(self) -> Self {
-        Self {
-            direct: self.direct.clamp(0.0, MOST.direct),
-            solve: self.solve.clamp(0.0, MOST.solve),
-            gather: self.gather.clamp(0.0, MOST.gather),
-        }
+        let (parts, most) = (self.parts(), MOST.parts());
+        Self::of_parts(std::array::from_fn(|k| parts[k].clamp(0.0, most[k])))
     }
 
     /// Whether no stage could do more.
@@ -100,7 +115,7 @@ impl Effort {
 
     /// So many rungs higher, everywhere.
     pub fn raised(self, by: f64) -> Self {
-        Self { direct: self.direct + by, solve: self.solve + by, gather: self.gather + by }.within_reach()
+        Self::of_parts(self.parts().map(|part| part + by)).within_reach()
     }
 
     /// The settings; everything else is as in `base`.
@@ -108,7 +123,7 @@ impl Effort {
         let whole = |x: f64| x.round().max(1.0) as u32;
         let [probe, shadow] = between(&DIRECT, self.direct);
         let [patches, rays_per_patch] = between(&SOLVE, self.solve);
-        let [rays, tolerance] = between(&GATHER, self.gather);
+        let ([rays], [tolerance]) = (between(&GATHER, self.gather), between(&NODES, self.nodes));
         LightOptions {
             direct: DirectOptions { probe_rays: whole(probe).min(64), penumbra_rays: whole(shadow) },
             solve: SolveOptions {
@@ -131,7 +146,7 @@ impl Effort {
         let at = |effort: &Self| {
             let [probe, shadow] = between(&DIRECT, effort.direct);
             let [patches, rays_per_patch] = between(&SOLVE, effort.solve);
-            let [rays, tolerance] = between(&GATHER, effort.gather);
+            let ([rays], [tolerance]) = (between(&GATHER, effort.gather), between(&NODES, effort.nodes));
             // A shadow border passes about every eighth texel. Nodes stand as far apart as the root of the tolerance
             // allows for a bend, and along edges they do not thin out: between -1/2 and -1 by power.
             [probe + 0.12 * shadow, patches * rays_per_patch, rays * tolerance.powf(-0.6)]
@@ -144,25 +159,25 @@ impl Effort {
     /// stage does not need of its share is left to the others.
     pub fn towards(self, found: &Errors, wanted: f64) -> Self {
         let aim = (AIM * wanted).powi(2);
-        let off = [found.direct, found.solve, found.gather].map(|off| off.max(1e-9).powi(2));
-        let (mut left, mut shares, mut short) = (aim, 1.0, [true; 3]);
-        // Stages that err less than their share keep what they have, which leaves more for the others: at most twice.
-        for _ in 0..3 {
-            for k in 0..3 {
+        let off = found.parts().map(|off| off.max(1e-9).powi(2));
+        let (mut left, mut shares, mut short) = (aim, 1.0, [true; PARTS]);
+        // Stages that err less than their share keep what they have, which leaves more for the others: at most thrice.
+        for _ in 0..PARTS {
+            for k in 0..PARTS {
                 if short[k] && off[k] <= left * SHARES[k] / shares {
                     (short[k], left, shares) = (false, left - off[k], shares - SHARES[k]);
                 }
             }
         }
-        let at = [self.direct, self.solve, self.gather];
-        let place: [f64; 3] = std::array::from_fn(|k| {
+        let at = self.parts();
+        let places = std::array::from_fn(|k| {
             if !short[k] {
                 return at[k];
             }
             let allowed = (left.max(0.0) * SHARES[k] / shares).max(1e-18);
             place(usual(at[k]) * (allowed / off[k]).sqrt())
         });
-        Self { direct: place[0], solve: place[1], gather: place[2] }.within_reach()
+        Self::of_parts(places).within_reach()
     }
 }
 
@@ -203,10 +218,10 @@ mod tests {
                 [direct.probe_rays, direct.penumbra_rays, solve.patches, solve.rays_per_patch, gather.rays];
             (rays, gather.tolerance)
         };
-        assert_eq!(told(Quality::Draft), ([2, 16, 1000, 32, 128], 0.12));
-        assert_eq!(told(Quality::Preview), ([4, 32, 2000, 32, 192], 0.08));
+        assert_eq!(told(Quality::Draft), ([4, 16, 1000, 32, 128], 0.12));
+        assert_eq!(told(Quality::Preview), ([6, 32, 2000, 32, 192], 0.08));
         assert_eq!(told(Quality::Good), ([8, 64, 4000, 32, 256], 0.05));
-        assert_eq!(told(Quality::High), ([8, 128, 8000, 64, 1024], 0.02));
+        assert_eq!(told(Quality::High), ([16, 128, 8000, 64, 1024], 0.02));
         assert_eq!(told(Quality::Reference), ([16, 256, 16000, 64, 4096], 0.0));
     }
 
@@ -215,7 +230,7 @@ mod tests {
         for quality in [Quality::Draft, Quality::Preview, Quality::Good, Quality::High, Quality::Reference] {
             let effort = ErrorBudget::of(quality).effort();
             let level = quality as usize as f64;
-            for place in [effort.direct, effort.solve, effort.gather] {
+            for place in effort.parts() {
                 assert!((place - level).abs() < 1e-9, "{quality:?}: {effort:?}");
             }
         }
@@ -237,22 +252,26 @@ mod tests {
 
     #[test]
     fn the_budget_s_parts_add_up() {
-        let ErrorBudget { total, direct, solve, gather } = ErrorBudget::new(0.01);
-        assert!((direct.hypot(solve).hypot(gather) - total).abs() < 1e-12);
+        let budget = ErrorBudget::new(0.01);
+        let square: f64 = budget.parts().iter().map(|part| part * part).sum();
+        assert!((square.sqrt() - budget.total).abs() < 1e-12);
     }
 
     #[test]
     fn who_errs_works_more_and_who_does_not_stays() {
-        let found = Errors { total: 0.02, direct: 0.0005, solve: 0.001, gather: 0.02 };
+        let found = Errors { total: 0.02, direct: 0.0005, solve: 0.001, gather: 0.02, interpolation: 0.0008 };
         let from = Effort::all(1.0);
         let to = from.towards(&found, 0.01);
-        assert_eq!((to.direct, to.solve), (from.direct, from.solve));
+        assert_eq!((to.direct, to.solve, to.nodes), (from.direct, from.solve, from.nodes));
         // By the usual errors, gather's part comes down to what is left of the aim.
-        let left = (0.0085_f64.powi(2) - 0.0005_f64.powi(2) - 0.001_f64.powi(2)).sqrt();
+        let left = [0.0005_f64, 0.001, 0.0008]
+            .iter()
+            .fold(0.0085_f64.powi(2), |left, part| left - part * part)
+            .sqrt();
         assert!((0.02 * usual(to.gather) / usual(1.0) - left).abs() < 1e-9);
-        let all = Errors { total: 0.1, direct: 0.06, solve: 0.06, gather: 0.06 };
+        let all = Errors { total: 0.12, direct: 0.06, solve: 0.06, gather: 0.06, interpolation: 0.06 };
         let to = from.towards(&all, 0.01);
-        assert!(to.direct > 2.0 && to.solve > 2.0 && to.gather > 2.0);
+        assert!(to.parts().iter().all(|&place| place > 2.0));
         assert!(from.towards(&all, 1e-12).is_most());
     }
 }

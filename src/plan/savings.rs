@@ -82,7 +82,7 @@ pub(super) fn saved(facts: &Facts, effect: Effect) -> &'static str {
         Effect::AreaLights | Effect::PointLamps | Effect::SpotLamps | Effect::Suns => {
             "asking one more light at every texel"
         }
-        Effect::SoftSuns | Effect::SoftLamps => "all shadow rays of a texel to a light but one",
+        Effect::SoftSuns | Effect::SoftLamps => "half of the rays that look for shadow borders",
         Effect::FarLamps => "shadow rays from every texel to these lights",
         Effect::Sky => "shadow rays from every texel to the bright parts of the sky",
         Effect::Shadows => "all shadow rays",

@@ -14,6 +14,7 @@ mod lanes;
 mod offset;
 mod pages;
 mod plan;
+mod shaft;
 mod shear;
 mod stack;
 mod tracer;
@@ -25,6 +26,7 @@ mod world;
 mod tests;
 
 pub use offset::{offset_origin, segment, segment_to_surface};
+pub use shaft::Shaft;
 pub use tracer::{AnyTracer, ClearTracer, CutoutTracer, OpaqueTracer, TintedTracer};
 pub use world::{Blocking, World};
 

@@ -1,6 +1,6 @@
 //! Which settings are tried.
 
-use crate::options::{BakeOptions, FormFactors, LightOptions, Quality, Relaxation, Solver};
+use crate::options::{BakeOptions, FormFactors, Goal, LightOptions, Quality, Relaxation, Solver};
 
 /// Patches at which the methods of form factors are compared: closed forms take all pairs of them.
 const PATCHES_OF_METHODS: u32 = 1000;
@@ -25,8 +25,12 @@ const LEVELS: [(&str, Quality); 5] = [
     ("reference", Quality::Reference),
 ];
 
-/// The sweep of the one knob.
+/// The sweeps of the one knob: by level,
 pub const QUALITY: &str = "quality";
+/// and by what the light may be off by.
+pub const TOLERANCE: &str = "tolerance";
+/// Shares of the mean light.
+const TOLERANCES: [(&str, f64); 4] = [("5 %", 0.05), ("2 %", 0.02), ("1 %", 0.01), ("0.5 %", 0.005)];
 
 /// All sweeps around the effort of `base`: everything else is as there.
 pub fn settings(base: &BakeOptions) -> Vec<Setting> {
@@ -74,6 +78,10 @@ pub fn settings(base: &BakeOptions) -> Vec<Setting> {
     for rays in [1, 2, 4, 8, 16] {
         add("probe rays", rays.to_string(), &|light| light.direct.probe_rays = rays);
     }
+    all.extend(TOLERANCES.map(|(name, tolerance)| {
+        let options = BakeOptions { goal: Goal::Tolerance(tolerance), ..base.clone() };
+        Setting { sweep: TOLERANCE, value: name.to_owned(), options }
+    }));
     all
 }
 

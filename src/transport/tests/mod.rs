@@ -3,6 +3,7 @@
 mod boxes;
 mod offsets;
 mod processors;
+mod shafts;
 mod shapes;
 mod tracers;
 mod watertight;
