@@ -44,13 +44,17 @@ pub fn probe_rays(
             emitters.add_vain(within, &mut asked);
             let reaching = asked.iter().map(|&k| &emitters.emitters[k as usize]);
             let reaching = reaching.filter(|emitter| emitter.unoccluded(&receiver).0.max_element() > 0.0);
-            let middle = Footprint::point(receiver);
+            let footprint = Footprint::new(elements, e as u32, world, std::iter::empty());
             let asked = reaching.filter(|emitter| {
-                !middle.sees_all(Vec3::ZERO, world, |from| emitter.shaft(from, world.bounds()))
+                !footprint.sees_all(Vec3::ZERO, world, |from| emitter.shaft(from, world.bounds()))
             });
             let one = |sharp: bool| {
                 let half = sharp && !emitters.sharp_as_soft && options.probe_rays > 0;
-                if half { soft.div_ceil(2) } else { soft }
+                match footprint.for_light(sharp).is_parted() {
+                    true => 2 * options.penumbra_rays,
+                    false if half => soft.div_ceil(2),
+                    false => soft,
+                }
             };
             asked.map(|emitter| u64::from(one(emitter.is_sharp()))).sum()
         })
