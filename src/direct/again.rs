@@ -79,7 +79,7 @@ impl<'a> Again<'a> {
                     break;
                 }
             }
-            let share = |k: usize| if all[k] > 0.0 { (passed[k] / all[k]).min(1.0) } else { 1.0 };
+            let share = |k: usize| if all[k] > 0.0 { (passed[k] / all[k]).min(1.0) } else { 0.0 };
             sum += Irradiance(open.0 * Vec3::new(share(0), share(1), share(2)));
         }
         (sum, sent)

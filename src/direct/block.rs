@@ -331,9 +331,10 @@ impl<T: Tracer> Work<'_, T> {
     fn visibility<E: Emitter>(&self, emitter: &E, i: usize, rays: &mut u64) -> Vec3 {
         let footprint = self.footprints[i].for_light(emitter.is_sharp());
         let whole = self.visibility_over(emitter, i, footprint, rays);
-        // Where all samples strayed into something, the middle of the texel stands for it; a light that grazes the surface so
-        // that no sample faces it is stopped by nothing that is known.
-        whole.or_else(|| self.visibility_over(emitter, i, footprint.only_middle(), rays)).unwrap_or(Vec3::ONE)
+        // Where all samples strayed into something, the middle of the texel stands for it.
+        whole
+            .or_else(|| self.visibility_over(emitter, i, footprint.only_middle(), rays))
+            .unwrap_or(Vec3::ZERO)
     }
 
     /// The same over a footprint; none where no sample of it sees the emitter's side.
