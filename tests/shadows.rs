@@ -100,3 +100,30 @@ fn what_is_refined_everywhere_misses_none() {
     let (found, allowed) = errors(Quality::Good, None, 64.0);
     assert!(found <= allowed, "{found:.5} off, {allowed:.5} may be");
 }
+
+/// Two panels of one object that face down, one high and one low: what hangs between them shades the high one, though it is
+/// above the other.
+#[test]
+fn what_hangs_above_the_lower_of_two_panels_shades_the_higher() {
+    let lit = |covered: bool| {
+        let mut b = Builder::new();
+        let (black, glow) = (b.material(0.0, 0.0), b.material(0.0, 1.0));
+        let floor = b.quad(Vec3::new(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, black);
+        let panel = |x: f32, y: f32| {
+            [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(s, t)| Vec3::new(x + s, y, t))
+        };
+        let corners = [panel(-1.0, 2.0), panel(1.0, 1.0)].concat();
+        b.mesh(corners, vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]], glow);
+        if covered {
+            // Just below the high panel, and wider: nothing of it is seen from the floor.
+            b.quad(Vec3::new(-1.9, 1.9, -0.9), Vec3::Z * 1.8, Vec3::X * 1.8, black);
+        }
+        let lit = b.light(Quality::Good, 128);
+        common::at(&lit, floor, Vec3::new(-1.0, 0.0, 0.0)).mean()
+    };
+    let (open, covered) = (lit(false), lit(true));
+    // Straight below the high panel, what is left is the low one's, 2 m to the side: E = πL F, by its middle alone
+    // h² A / (h² + d²)² = 0.04, which a panel as wide as it is high may be off by a third.
+    assert!(open > 2.0 * covered, "{open} without, {covered} with a cover");
+    common::close(covered, 0.04, 0.34, "of the low panel");
+}

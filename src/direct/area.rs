@@ -185,7 +185,7 @@ pub struct AreaEmitter {
     cumulative: Vec<f32>,
     /// Lowest and highest corner.
     bounds: [Vec3; 2],
-    /// Where all polygons face one way: their normal, and the greatest height of a corner along it.
+    /// Where all polygons face one way: their normal, and the height along it of the lowest.
     facing: Option<(Vec3, f64)>,
 }
 
@@ -208,12 +208,17 @@ impl AreaEmitter {
     }
 
     fn of(polygons: Vec<Polygon>, cumulative: Vec<f32>) -> Self {
-        let corners = || polygons.iter().flat_map(|p| &p.corners[..p.count]);
-        let (low, high) = corners()
+        let corners = polygons.iter().flat_map(|p| &p.corners[..p.count]);
+        let (low, high) = corners
             .map(|c| c.as_vec3())
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), c| (low.min(c), high.max(c)));
         let normal = polygons[0].normal;
-        let height = || corners().map(|c| c.dot(normal.as_dvec3())).fold(f64::NEG_INFINITY, f64::max);
+        // Of one polygon the highest corner, as its own triangles are at most that high; of all the lowest one.
+        let height_of = |p: &Polygon| {
+            let heights = p.corners[..p.count].iter().map(|c| c.dot(normal.as_dvec3()));
+            heights.fold(f64::NEG_INFINITY, f64::max)
+        };
+        let height = || polygons.iter().map(height_of).fold(f64::INFINITY, f64::min);
         let facing = polygons.iter().all(|p| p.normal == normal).then(|| (normal, height()));
         Self { polygons, cumulative, bounds: [low, high], facing }
     }

@@ -262,7 +262,8 @@ impl<T: Tracer> Work<'_, T> {
             scratch.class[i] = Class::Out;
             let present = grid.id[i] != NO_ELEMENT;
             let open = if present { emitter.unoccluded(&grid.receiver[i]) } else { Irradiance::ZERO };
-            scratch.unoccluded[i] = if open.0.max_element() > 0.0 { open } else { Irradiance::ZERO };
+            let counts = open.0.max_element() > 0.0 && self.faces(emitter, i);
+            scratch.unoccluded[i] = if counts { open } else { Irradiance::ZERO };
         }
         let lit = |i: usize| scratch.unoccluded[i].0.max_element() > 0.0;
         match self.tiles {
@@ -277,6 +278,13 @@ impl<T: Tracer> Work<'_, T> {
                 Known::Nothing => self.ask(emitter, i, rays),
             };
         }
+    }
+
+    /// Whether any ray could be sent from the texel's middle. A light that grazes the surface, so that it is told from one
+    /// below the horizon by its rounding only, counts nowhere, whether rays are sent or not.
+    fn faces<E: Emitter>(&self, emitter: &E, i: usize) -> bool {
+        let points = &self.patterns.refine[self.grid.phase(i)];
+        points.iter().any(|&[_, _, u, v]| emitter.shadow_ray(&self.grid.receiver[i], [u, v]).is_some())
     }
 
     /// What a few rays from all over the texel to all over the emitter tell.
