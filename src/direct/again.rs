@@ -3,13 +3,13 @@
 use super::emitters::EmitterList;
 use super::footprint::Footprint;
 use super::index::Index;
-use super::{Direct, Receiver};
+use super::visibility::visible_share;
+use super::{Direct, Emitter, Receiver};
 use crate::elements::{Elements, NO_ELEMENT};
 use crate::plan::Sight;
 use crate::sampling::sobol4;
 use crate::transport::{Tracer, World};
 use crate::units::Irradiance;
-use glam::Vec3;
 
 /// Points that are asked where no shadow border was seen: all agree unless something was missed.
 const QUIET: usize = 16;
@@ -56,31 +56,12 @@ impl<'a> Again<'a> {
             if open.0.max_element() <= 0.0 {
                 continue;
             }
-            let (world, sharp) = (tracer.world(), emitter.is_sharp());
-            let seen = |from| emitter.shaft(from, world.bounds());
-            if clear || footprint.sees_all(Vec3::ZERO, world, seen) {
-                sum += open;
-                continue;
-            }
-            let (mut all, mut passed) = (Vec3::ZERO, Vec3::ZERO);
-            // Where all samples strayed into something, the middle of the texel stands for it.
-            for footprint in [footprint.for_light(sharp), footprint.only_middle()] {
-                for &[s, t, u, v] in points {
-                    let Some(place) = footprint.at([s, t], tracer, &mut sent) else { continue };
-                    let Some(shadow) = emitter.shadow_ray(&place, [u, v]) else { continue };
-                    sent += u64::from(T::SENDS);
-                    all += shadow.weight;
-                    passed += shadow.weight * tracer.transmittance(&shadow.ray);
-                    if footprint.is_point() && sharp {
-                        break;
-                    }
-                }
-                if all != Vec3::ZERO {
-                    break;
-                }
-            }
-            let share = |k: usize| if all[k] > 0.0 { (passed[k] / all[k]).min(1.0) } else { 0.0 };
-            sum += Irradiance(open.0 * Vec3::new(share(0), share(1), share(2)));
+            sum += if clear || footprint.sees_all_of(emitter, tracer.world()) {
+                open
+            } else {
+                let share = visible_share(emitter, &footprint, points, usize::MAX, tracer, &mut sent);
+                Irradiance(open.0 * share)
+            };
         }
         (sum, sent)
     }

@@ -5,8 +5,9 @@ use super::emitters::{AnyEmitter, EmitterList};
 use super::footprint::Footprint;
 use super::index::Block;
 use super::penumbra::Patterns;
-use super::shafts::{Known, Search, Tiles};
-use super::{Emitter, Receiver, ShadowRay};
+use super::shafts::{Search, Tiles};
+use super::visibility::{Shadow, shadows, visible_share};
+use super::{Emitter, Receiver};
 use crate::elements::{Elements, NO_ELEMENT};
 use crate::plan::Sight;
 use crate::transport::{Tracer, World};
@@ -196,7 +197,7 @@ impl<'a> Grid<'a> {
 struct Scratch {
     unoccluded: Vec<Irradiance>,
     class: Vec<Class>,
-    known: Vec<Known>,
+    clear: Vec<bool>,
     ratio: Vec<Vec3>,
     refined: Vec<bool>,
 }
@@ -206,20 +207,11 @@ impl Scratch {
         Self {
             unoccluded: vec![Irradiance::ZERO; n],
             class: vec![Class::Out; n],
-            known: vec![Known::Nothing; n],
+            clear: vec![false; n],
             ratio: vec![Vec3::ZERO; n],
             refined: vec![false; n],
         }
     }
-}
-
-/// What came of a shadow ray.
-struct Shadow {
-    weight: Vec3,
-    /// The share of light that passes.
-    passed: Vec3,
-    /// Rays it took.
-    rays: u64,
 }
 
 struct Work<'a, T> {
@@ -247,8 +239,7 @@ impl<T: Tracer> Work<'_, T> {
             sum[i].1 |= scratch.refined[i];
             sum[i].0 += match (scratch.refined[i], scratch.class[i]) {
                 (true, _) => Irradiance(open.0 * self.smoothed(emitter, scratch, i)),
-                (false, Class::Clear) => open,
-                (false, Class::Lit) => Irradiance(open.0 * scratch.ratio[i]),
+                (false, Class::Clear | Class::Lit) => Irradiance(open.0 * scratch.ratio[i]),
                 (false, _) => Irradiance::ZERO,
             };
         }
@@ -258,7 +249,7 @@ impl<T: Tracer> Work<'_, T> {
         let grid = self.grid;
         for i in 0..grid.id.len() {
             scratch.refined[i] = false;
-            scratch.known[i] = Known::Nothing;
+            scratch.clear[i] = false;
             scratch.class[i] = Class::Out;
             let present = grid.id[i] != NO_ELEMENT;
             let open = if present { emitter.unoccluded(&grid.receiver[i]) } else { Irradiance::ZERO };
@@ -268,15 +259,13 @@ impl<T: Tracer> Work<'_, T> {
         let lit = |i: usize| scratch.unoccluded[i].0.max_element() > 0.0;
         match self.tiles {
             Some(tiles) => {
-                Search { emitter, world: self.tracer.world(), tiles }.run(&mut scratch.known, lit);
+                Search { emitter, world: self.tracer.world(), tiles }.run(&mut scratch.clear, lit);
             }
-            None => scratch.known.fill(Known::Clear),
+            None => scratch.clear.fill(true),
         }
         for i in (0..grid.id.len()).filter(|&i| lit(i)) {
-            (scratch.class[i], scratch.ratio[i]) = match scratch.known[i] {
-                Known::Clear => (Class::Clear, Vec3::ONE),
-                Known::Nothing => self.ask(emitter, i, rays),
-            };
+            (scratch.class[i], scratch.ratio[i]) =
+                if scratch.clear[i] { (Class::Clear, Vec3::ONE) } else { self.ask(emitter, i, rays) };
         }
     }
 
@@ -296,7 +285,7 @@ impl<T: Tracer> Work<'_, T> {
         if footprint.is_parted() {
             return (Class::Mixed, Vec3::ZERO);
         }
-        for Shadow { passed, rays: sent, .. } in self.shadows(emitter, footprint, points) {
+        for Shadow { passed, rays: sent, .. } in shadows(emitter, footprint, points, self.tracer) {
             *rays += sent;
             if before.is_some_and(|before| before != passed) {
                 return (Class::Mixed, passed);
@@ -330,61 +319,12 @@ impl<T: Tracer> Work<'_, T> {
         }
         for i in grid.ring(1) {
             if scratch.refined[i] {
-                scratch.ratio[i] = self.visibility(emitter, i, rays);
+                let points = &self.patterns.refine[grid.phase(i)];
+                let enough = if self.patterns.everywhere { ENOUGH } else { usize::MAX };
+                scratch.ratio[i] =
+                    visible_share(emitter, &self.footprints[i], points, enough, self.tracer, rays);
             }
         }
-    }
-
-    /// Visible share of the emitter, averaged over the free part of the texel's footprint.
-    fn visibility<E: Emitter>(&self, emitter: &E, i: usize, rays: &mut u64) -> Vec3 {
-        let footprint = self.footprints[i].for_light(emitter.is_sharp());
-        let whole = self.visibility_over(emitter, i, footprint, rays);
-        // Where all samples strayed into something, the middle of the texel stands for it.
-        whole
-            .or_else(|| self.visibility_over(emitter, i, footprint.only_middle(), rays))
-            .unwrap_or(Vec3::ZERO)
-    }
-
-    /// The same over a footprint; none where no sample of it sees the emitter's side.
-    fn visibility_over<E: Emitter>(
-        &self,
-        emitter: &E,
-        i: usize,
-        footprint: Footprint,
-        rays: &mut u64,
-    ) -> Option<Vec3> {
-        let (mut all, mut passed) = (Vec3::ZERO, Vec3::ZERO);
-        let points = &self.patterns.refine[self.grid.phase(i)];
-        for (number, shadow) in self.shadows(emitter, footprint, points).enumerate() {
-            if self.patterns.everywhere && number == ENOUGH && (passed == all || passed == Vec3::ZERO) {
-                break;
-            }
-            *rays += shadow.rays;
-            all += shadow.weight;
-            passed += shadow.weight * shadow.passed;
-        }
-        (all != Vec3::ZERO).then(|| {
-            let share = |k: usize| if all[k] > 0.0 { (passed[k] / all[k]).min(1.0) } else { 0.0 };
-            Vec3::from_array(std::array::from_fn(share))
-        })
-    }
-
-    /// What is found for each point of texel and emitter that face each other, as far as nothing parts them from the
-    /// texel's middle.
-    fn shadows<'s, E: Emitter>(
-        &'s self,
-        emitter: &'s E,
-        footprint: Footprint,
-        points: &'s [[f32; 4]],
-    ) -> impl Iterator<Item = Shadow> + use<'s, E, T> {
-        let one_decides = emitter.is_sharp() && footprint.is_point();
-        let points = if one_decides { &points[..1] } else { points };
-        points.iter().filter_map(move |&[s, t, u, v]| {
-            let mut rays = 1;
-            let receiver = footprint.at([s, t], self.tracer, &mut rays)?;
-            let ShadowRay { ray, weight } = emitter.shadow_ray(&receiver, [u, v])?;
-            Some(Shadow { weight, passed: self.tracer.transmittance(&ray), rays })
-        })
     }
 
     /// The refined visibility; inside a wide penumbra the mean of the 3×3 neighbourhood, whose nine sample sets

@@ -98,9 +98,8 @@ impl EmitterList {
     }
 }
 
-impl AnyEmitter {
-    /// See [`Emitter::unoccluded`].
-    pub(super) fn unoccluded(&self, receiver: &Receiver) -> Irradiance {
+impl Emitter for AnyEmitter {
+    fn unoccluded(&self, receiver: &Receiver) -> Irradiance {
         match self {
             Self::Area(e) => e.unoccluded(receiver),
             Self::Point(e) => e.unoccluded(receiver),
@@ -108,8 +107,7 @@ impl AnyEmitter {
         }
     }
 
-    /// See [`Emitter::shadow_ray`].
-    pub(super) fn shadow_ray(&self, receiver: &Receiver, uv: [f32; 2]) -> Option<ShadowRay> {
+    fn shadow_ray(&self, receiver: &Receiver, uv: [f32; 2]) -> Option<ShadowRay> {
         match self {
             Self::Area(e) => e.shadow_ray(receiver, uv),
             Self::Point(e) => e.shadow_ray(receiver, uv),
@@ -117,8 +115,7 @@ impl AnyEmitter {
         }
     }
 
-    /// See [`Emitter::is_sharp`].
-    pub(super) fn is_sharp(&self) -> bool {
+    fn is_sharp(&self) -> bool {
         match self {
             Self::Area(e) => e.is_sharp(),
             Self::Point(e) => e.is_sharp(),
@@ -126,15 +123,16 @@ impl AnyEmitter {
         }
     }
 
-    /// See [`Emitter::shaft`].
-    pub(super) fn shaft(&self, from: [Vec3; 2], world: [Vec3; 2]) -> Shaft {
+    fn shaft(&self, from: [Vec3; 2], world: [Vec3; 2]) -> Shaft {
         match self {
             Self::Area(e) => e.shaft(from, world),
             Self::Point(e) => e.shaft(from, world),
             Self::Sun(e) => e.shaft(from, world),
         }
     }
+}
 
+impl AnyEmitter {
     /// A light of this kind that sends nothing, in the middle of the scene.
     fn black(kind: Effect) -> Option<Self> {
         let point = |cone| {

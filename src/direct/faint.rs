@@ -2,7 +2,7 @@
 
 use super::emitters::EmitterList;
 use super::index::Index;
-use super::{Block, Direct, Receiver};
+use super::{Block, Direct, Emitter, Receiver};
 use crate::elements::Elements;
 use crate::sampling::{seeded, sobol4};
 use crate::transport::Tracer;

@@ -1,6 +1,6 @@
 //! The part of a surface that a texel stands for: where its shadow rays start.
 
-use super::Receiver;
+use super::{Emitter, Receiver};
 use crate::elements::Elements;
 use crate::transport::{Shaft, Tracer, World, segment};
 use glam::Vec3;
@@ -102,11 +102,16 @@ impl Footprint {
     }
 
     /// Whether nothing reaches into a shaft, which is given the box around the starts, `above` higher.
-    pub fn sees_all(&self, above: Vec3, world: &World, shaft: impl Fn([Vec3; 2]) -> Shaft) -> bool {
+    fn sees_all(&self, above: Vec3, world: &World, shaft: impl Fn([Vec3; 2]) -> Shaft) -> bool {
         let (normal, height) = self.plane();
         let shaft = shaft(self.starts().map(|corner| corner + above));
         let height = height + normal.as_dvec3().dot(above.as_dvec3());
         world.reaching_into(&shaft.above(normal, height), 0, &mut Vec::new())
+    }
+
+    /// Whether nothing reaches between any place of it and an emitter.
+    pub fn sees_all_of<E: Emitter>(&self, emitter: &E, world: &World) -> bool {
+        self.sees_all(Vec3::ZERO, world, |from| emitter.shaft(from, world.bounds()))
     }
 
     /// The receiver at a place of it, `[0, 1)²`; none where something parts it from the middle: under a block that stands

@@ -20,6 +20,7 @@ mod probing;
 mod shafts;
 mod sky;
 mod sun;
+mod visibility;
 
 pub use again::Again;
 pub use emitters::{EmitterList, collect};

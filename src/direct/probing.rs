@@ -2,12 +2,11 @@
 
 use super::emitters::EmitterList;
 use super::footprint::Footprint;
-use super::{Receiver, candidates};
+use super::{Emitter, Receiver, candidates};
 use crate::elements::Elements;
 use crate::options::DirectOptions;
 use crate::plan::Plan;
 use crate::transport::World;
-use glam::Vec3;
 use rayon::prelude::*;
 
 /// Elements that are looked at; they stand for the others.
@@ -45,9 +44,7 @@ pub fn probe_rays(
             let reaching = asked.iter().map(|&k| &emitters.emitters[k as usize]);
             let reaching = reaching.filter(|emitter| emitter.unoccluded(&receiver).0.max_element() > 0.0);
             let footprint = Footprint::new(elements, e as u32, world, std::iter::empty());
-            let asked = reaching.filter(|emitter| {
-                !footprint.sees_all(Vec3::ZERO, world, |from| emitter.shaft(from, world.bounds()))
-            });
+            let asked = reaching.filter(|emitter| !footprint.sees_all_of(*emitter, world));
             let one = |sharp: bool| {
                 let half = sharp && !emitters.sharp_as_soft && options.probe_rays > 0;
                 match footprint.for_light(sharp).is_parted() {

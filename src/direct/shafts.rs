@@ -32,16 +32,7 @@ pub struct Tiles {
     levels: [Vec<Option<Start>>; LEVELS + 1],
 }
 
-/// What is known of a texel and one emitter.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Known {
-    /// All of the emitter is seen.
-    Clear,
-    /// Rays must tell.
-    Nothing,
-}
-
-/// One emitter's search, with room for lists of triangles.
+/// One emitter's search.
 pub struct Search<'a, E> {
     pub emitter: &'a E,
     pub world: &'a World,
@@ -105,12 +96,12 @@ impl Start {
 }
 
 impl<E: Emitter> Search<'_, E> {
-    /// Writes into `known`, a row a texel; texels that `asked` does not want are left as they are.
-    pub fn run(&self, known: &mut [Known], asked: impl Fn(usize) -> bool + Copy) {
+    /// Marks the texels from which all of the emitter is seen, a row a texel; those that `asked` does not want may be left out.
+    pub fn run(&self, clear: &mut [bool], asked: impl Fn(usize) -> bool + Copy) {
         let top = extent(self.tiles.size, LEVELS);
         let mut lists = [const { Vec::new() }; LEVELS];
         for k in 0..top[0] * top[1] {
-            self.visit(LEVELS, [k % top[0], k / top[0]], None, &mut lists, known, asked);
+            self.visit(LEVELS, [k % top[0], k / top[0]], None, &mut lists, clear, asked);
         }
     }
 
@@ -121,7 +112,7 @@ impl<E: Emitter> Search<'_, E> {
         [x, y]: [usize; 2],
         among: Option<&mut Vec<u32>>,
         lists: &mut [Vec<u32>],
-        known: &mut [Known],
+        clear: &mut [bool],
         asked: impl Fn(usize) -> bool + Copy,
     ) {
         let size = extent(self.tiles.size, level);
@@ -134,7 +125,7 @@ impl<E: Emitter> Search<'_, E> {
             let first = among.iter().position(|&t| !shaft.misses(&self.world.corners(t)));
             match first {
                 Some(first) => among.swap(0, first),
-                None => known[at] = Known::Clear,
+                None => clear[at] = true,
             }
             return;
         }
@@ -150,21 +141,21 @@ impl<E: Emitter> Search<'_, E> {
         };
         let below = extent(self.tiles.size, level - 1);
         if few && own.is_empty() {
-            self.clear(level, [x, y], known);
+            self.mark(level, [x, y], clear);
             return;
         }
         for part in parts(x, y, below) {
             let among = few.then_some(&mut *own);
-            self.visit(level - 1, [part % below[0], part / below[0]], among, lists, known, asked);
+            self.visit(level - 1, [part % below[0], part / below[0]], among, lists, clear, asked);
         }
     }
 
-    /// All texels of a tile.
-    fn clear(&self, level: usize, [x, y]: [usize; 2], known: &mut [Known]) {
+    /// Marks all texels of a tile.
+    fn mark(&self, level: usize, [x, y]: [usize; 2], clear: &mut [bool]) {
         let side = PART.pow(level as u32);
         let [width, height] = self.tiles.size;
         for row in y * side..((y + 1) * side).min(height) {
-            known[row * width + x * side..row * width + ((x + 1) * side).min(width)].fill(Known::Clear);
+            clear[row * width + x * side..row * width + ((x + 1) * side).min(width)].fill(true);
         }
     }
 }

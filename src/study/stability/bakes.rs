@@ -284,45 +284,6 @@ fn plates(place: &Place, ways: &[(String, BakeOptions)]) -> Result<Vec<Check>> {
     Ok(checks)
 }
 
-/// An octahedron cut into n² triangles a side, of radius 1.
-fn sphere(n: u32, radius: f32, inside: bool, above: Option<bool>) -> (Vec<Vec3>, Vec<[u32; 3]>) {
-    let (mut position, mut triangles) = (Vec::new(), Vec::new());
-    for octant in 0..8 {
-        let sign = vec3(
-            if octant & 1 == 0 { 1.0 } else { -1.0 },
-            if octant & 2 == 0 { 1.0 } else { -1.0 },
-            if octant & 4 == 0 { 1.0 } else { -1.0 },
-        );
-        if above.is_some_and(|above| above != (octant & 4 == 0)) {
-            continue;
-        }
-        let first = position.len() as u32;
-        let mut number = vec![];
-        for i in 0..=n {
-            for j in 0..=n - i {
-                number.push((i, j));
-                let k = n - i - j;
-                position.push((vec3(i as f32, j as f32, k as f32) * sign).normalize() * radius);
-            }
-        }
-        let at = |i: u32, j: u32| first + number.iter().position(|&n| n == (i, j)).unwrap_or(0) as u32;
-        let mut add = |a: u32, b: u32, c: u32| {
-            let [p, q, r] = [a, b, c].map(|v| position[v as usize]);
-            let outward = (q - p).cross(r - p).dot(p) > 0.0;
-            triangles.push(if outward == inside { [a, c, b] } else { [a, b, c] });
-        };
-        for i in 0..n {
-            for j in 0..n - i {
-                add(at(i, j), at(i + 1, j), at(i, j + 1));
-                if i + j + 1 < n {
-                    add(at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
-                }
-            }
-        }
-    }
-    (position, triangles)
-}
-
 /// Facets along an octant's edge; each is this many radians across.
 const FACETS: u32 = 6;
 const FACET: f64 = 0.27;
@@ -334,8 +295,7 @@ fn inside_a_sphere(place: &Place, ways: &[(String, BakeOptions)]) -> Result<Vec<
     let mut model = Model::default();
     let (bright, dim) = (model.material(0.8, 1.0 / PI), model.material(0.2, 0.0));
     for (above, material) in [(true, bright), (false, dim)] {
-        let (position, triangles) = sphere(FACETS, 1.0, true, Some(above));
-        model.mesh(&position, &triangles, material);
+        model.sphere(FACETS, 1.0, true, Some(above), material);
     }
     for (way, options) in ways {
         let baked = model.bake(place, options)?;
@@ -369,10 +329,8 @@ fn shells(place: &Place, ways: &[(String, BakeOptions)]) -> Result<Vec<Check>> {
     for (rho, expected) in [([0.5, 0.5], [1.1111111, 0.2222222]), ([0.8, 0.3], [1.08391608, 0.10489510])] {
         let mut model = Model::default();
         let (glowing, grey) = (model.material(rho[0], 1.0 / PI), model.material(rho[1], 0.0));
-        let (position, triangles) = sphere(FACETS, 1.0, false, None);
-        model.mesh(&position, &triangles, glowing);
-        let (position, triangles) = sphere(FACETS, 2.0, true, None);
-        model.mesh(&position, &triangles, grey);
+        model.sphere(FACETS, 1.0, false, None, glowing);
+        model.sphere(FACETS, 2.0, true, None, grey);
         for (way, options) in ways {
             let baked = model.bake(place, options)?;
             // b = e + ρE.

@@ -1,7 +1,7 @@
 //! Form factors of round bodies, cut into facets.
 
 use super::Check;
-use super::world::{Method, World, sphere};
+use super::world::{Method, World, add_sphere};
 use crate::error::Result;
 use crate::transport::form_factors::area::{Polygon, polygon_to_polygon};
 use glam::{DVec3, dvec3};
@@ -66,7 +66,7 @@ pub fn spheres() -> Result<Vec<Check>> {
         .collect();
     let checks = tasks.into_par_iter().map(|(method, (scale, place))| {
         let mut world = World::default();
-        sphere(&mut world, scale, 3, true);
+        add_sphere(&mut world, scale, 3, true);
         let area = world.area();
         let total: f64 = area.iter().sum();
         let (mut off, mut bound) = (0.0_f64, 0.0_f64);

@@ -20,6 +20,7 @@ mod points;
 mod same;
 mod skies;
 mod solutions;
+mod sphere;
 mod written;
 
 pub use check::Check;

@@ -1,6 +1,7 @@
 //! Scenes as a file in memory, read like any user's, and the light that a bake finds in them.
 
 use super::baked::Baked;
+use super::sphere::sphere;
 use crate::error::Result;
 use crate::import;
 use crate::options::{BakeOptions, ImportOptions, LampUnits, Quality, SkyOption};
@@ -113,6 +114,13 @@ impl Model {
     fn accessor(&mut self, accessor: Value) -> usize {
         self.accessors.push(accessor);
         self.accessors.len() - 1
+    }
+
+    /// A sphere around the origin, see [`sphere`].
+    pub fn sphere(&mut self, facets: u32, radius: f64, inside: bool, above: Option<bool>, material: usize) {
+        let (position, triangles) = sphere(facets, radius, inside, above);
+        let position: Vec<Vec3> = position.iter().map(|corner| corner.as_vec3()).collect();
+        self.mesh(&position, &triangles, material);
     }
 
     /// A mesh of its own node, without normals and, unless [`Self::written`] says so, texture coordinates; returns its

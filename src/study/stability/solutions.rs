@@ -3,7 +3,7 @@
 use super::Check;
 use super::factors::FINE;
 use super::way::Way;
-use super::world::{Method, Numbers, World, cube, grey, parallel, ring, sphere};
+use super::world::{Method, Numbers, World, add_sphere, cube, grey, parallel, ring};
 use crate::error::Result;
 use crate::solve::{Made, Problem, Rows, Solution};
 use crate::transport::form_factors::Row;
@@ -223,7 +223,7 @@ pub fn integrating_spheres() -> Result<Vec<Check>> {
     let mut checks = Vec::new();
     for (n, across) in [(3, 0.55), (6, 0.27)] {
         let mut world = World::default();
-        sphere(&mut world, 1.0, n, true);
+        add_sphere(&mut world, 1.0, n, true);
         let area = world.area();
         let total: f64 = area.iter().sum();
         let upper = |i: usize| world.polygons[i].corners().iter().sum::<DVec3>().z > 0.0;

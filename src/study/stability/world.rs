@@ -1,5 +1,6 @@
 //! Small worlds of patches with closed answers, traced by looking at every surface.
 
+use super::sphere::sphere;
 use crate::error::Result;
 use crate::solve::{Made, RowSource, Rows};
 use crate::transport::Ray;
@@ -300,29 +301,10 @@ pub fn perpendicular(h: f64, w: f64, l: f64, gap: f64, along: f64) -> World {
 }
 
 /// A sphere seen from inside, or from outside: an octahedron, each face cut into n² triangles.
-pub fn sphere(world: &mut World, radius: f64, n: u32, inside: bool) {
-    for octant in 0..8 {
-        let sign = dvec3(
-            if octant & 1 == 0 { 1.0 } else { -1.0 },
-            if octant & 2 == 0 { 1.0 } else { -1.0 },
-            if octant & 4 == 0 { 1.0 } else { -1.0 },
-        );
-        let at = |i: u32, j: u32| {
-            let k = n - i - j;
-            (dvec3(f64::from(i), f64::from(j), f64::from(k)) * sign).normalize() * radius
-        };
-        let mut add = |a: DVec3, b: DVec3, c: DVec3| {
-            let outward = (b - a).cross(c - a).dot(a) > 0.0;
-            world.add_triangle(if outward == inside { [a, c, b] } else { [a, b, c] });
-        };
-        for i in 0..n {
-            for j in 0..n - i {
-                add(at(i, j), at(i + 1, j), at(i, j + 1));
-                if i + j + 1 < n {
-                    add(at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
-                }
-            }
-        }
+pub fn add_sphere(world: &mut World, radius: f64, n: u32, inside: bool) {
+    let (position, triangles) = sphere(n, radius, inside, None);
+    for corners in triangles {
+        world.add_triangle(corners.map(|corner| position[corner as usize]));
     }
 }
 
