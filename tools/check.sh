@@ -3,8 +3,8 @@
 # Khronos validator, and pages of studies through a browser. Installs what it needs into target/venv and tools/node_modules, and Debian's
 # chromium where there is none and it may. Exit code 0: everything passed.
 #
-# usage: tools/check.sh [--long [MINUTES]]   --long goes on with tools/long_check.sh: fuzzing for MINUTES (default: 60), kills,
-#                                            assertions, sanitizers, scenes of others
+# usage: tools/check.sh [--long [MINUTES [DIR]]]   --long goes on with tools/long_check.sh: fuzzing for MINUTES (default: 60),
+#                                                  kills, assertions, sanitizers, scenes of others; what is kept goes to DIR
 #
 # Needs cargo, g++, npm and Python 3.11; the first run fetches Blender as a Python module (about 300 MB).
 set -euo pipefail
@@ -152,7 +152,7 @@ counted_check "pages of studies" study_pages
 counted_check "light as in Cycles" target/venv/bin/python tools/roundtrip.py --own --cycles 128 --page-size 64
 
 if [[ ${1-} == --long ]]; then
-  check "long checks" tools/long_check.sh "${2:-60}"
+  counted_check "long checks" tools/long_check.sh "${@:2}"
 fi
 
 printf '\n%d passed, %d failed\n' "$passed" "$failed"

@@ -8,13 +8,14 @@
 # kills    500 bakes killed instead of 50, 20,000 damaged files instead of 1,500
 # debug    the tests of the numeric stages with debug assertions, which check the laws after every step of every solver,
 #          and with checks of integer overflow
-# memory   valgrind's memcheck over what calls xatlas, which is C++, and over bakes of damaged files; then xatlas alone under
-#          AddressSanitizer and UndefinedBehaviorSanitizer with random meshes, for five minutes
+# memory   valgrind's memcheck over what calls xatlas, which is C++, and over bakes of damaged files; xatlas alone under
+#          AddressSanitizer and UndefinedBehaviorSanitizer with random meshes, for five minutes; Rust and C++ together under
+#          AddressSanitizer, in the tests of the stages, of damaged files and of bakes
 # effects  instructions of bakes with and without the code of effects that the scene does not call for
 # blender  round trips of .blend files that the project did not make, of the fixtures against Cycles, and of the light that
 #          glTF drops in the next Blender too; pictures in EEVEE
 #
-# Installs cargo-fuzz into target/tools and, where apt-get is there, valgrind. Fuzzing needs a nightly toolchain
+# Installs cargo-fuzz into target/tools and, where apt-get is there, valgrind. Fuzzing and sanitizing need a nightly toolchain
 # (`rustup toolchain install nightly`). The part `blender` needs what tools/check.sh needs, after it ran once; Debian's package
 # assimp-testmodels, fetched with apt-get, for the foreign scenes; and OpenGL (libegl1, libgl1-mesa-dri) for EEVEE; it takes
 # about 20 minutes on two cores.
@@ -98,6 +99,16 @@ sanitize() { # SECONDS
     -I "$(dirname "$manifest")/vendor/source/xatlas" -o "$out/xatlas" fuzz/xatlas.cpp && "$out/xatlas" "$1"
 }
 
+# Everything that is Rust, and xatlas with it. Nightly: sanitizers are not yet in stable Rust.
+sanitize_rust() {
+  local host
+  host=$(rustc -vV | sed -n 's/^host: //p')
+  local test=(cargo +nightly test --release --target "$host" --target-dir target/asan)
+  # Tests of speed would measure the sanitizer; those of claims limit the address space, of which it takes terabytes.
+  local -x RUSTFLAGS=-Zsanitizer=address CXXFLAGS=-fsanitize=address CARGO_INCREMENTAL=0 LIGHTKILN_DAMAGED=300
+  "${test[@]}" --lib --test determinism -- --skip speed && "${test[@]}" --test bad_input damage
+}
+
 memory() {
   command -v valgrind >/dev/null || { apt-get install -y -qq valgrind >/dev/null || return; }
   local unit property
@@ -107,7 +118,7 @@ memory() {
   local grind=(valgrind --quiet --error-exitcode=9 --leak-check=full --errors-for-leak-kinds=definite)
   "${grind[@]}" "$unit" atlas:: --skip speed --test-threads 1 &&
     LIGHTKILN_DAMAGED=60 "${grind[@]}" "$property" damaged --test-threads 1 &&
-    sanitize 300
+    sanitize 300 && sanitize_rust
 }
 
 round_trip() { # NAME PYTHON ARGUMENTS...: counted by its closing line
@@ -129,7 +140,8 @@ blender() {
   local models=$out/foreign-scenes/usr/share/assimp/models/BLEND name foreign=()
   if [[ ! -d $models ]]; then
     mkdir -p "$out/foreign-scenes"
-    (cd "$out/foreign-scenes" && apt-get download -qq assimp-testmodels && dpkg -x assimp-testmodels_*.deb .)
+    (cd "$out/foreign-scenes" && { apt-get download -qq assimp-testmodels || { apt-get update -qq; apt-get download -qq assimp-testmodels; }; } &&
+      dpkg -x assimp-testmodels_*.deb .)
   fi
   for name in AreaLight_269 BlenderDefault_276 HUMAN TorusLightsCams_250_compressed 4Cubes4Mats_248; do
     foreign+=("$models/$name.blend")

@@ -6,6 +6,7 @@ use super::job::{Job, Refusal};
 use super::progress::{Display, Verbosity};
 use super::{failure, memory, summary};
 use lightkiln::bake::{Run, bake};
+use lightkiln::export;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -19,6 +20,7 @@ pub fn run(args: &BakeArgs) -> ExitCode {
         Err(Refusal::Error(error)) => return failure::error(&error, &job.input),
     }
 
+    export::settle(&job.input);
     let cancel = Arc::new(AtomicBool::new(false));
     let display = Display::new(job.verbosity, &job.options);
     interrupt::listen(Arc::clone(&cancel), display.on_interrupt(job.verbosity));

@@ -78,6 +78,7 @@ pub fn run(args: &CheckArgs) -> ExitCode {
 }
 
 fn examine(args: &CheckArgs) -> Result<Findings> {
+    export::settle(&args.input);
     let baked = baked::read(&args.input, &args.scene.import())?;
     let findings = check::check(&baked);
     if let Some(path) = &args.picture {

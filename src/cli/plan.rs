@@ -11,7 +11,7 @@ use lightkiln::forecast::{Forecast, forecast};
 use lightkiln::options::{BakeOptions, Quality};
 use lightkiln::study::{Cell, Row, Sheet};
 use lightkiln::text::{bytes, count, duration, plural, printable, significant};
-use lightkiln::{Error, Result, import};
+use lightkiln::{Error, Result, export, import};
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -75,6 +75,7 @@ fn foresee(args: &PlanArgs) -> Result<Forecast> {
         effects: args.effects.effects.0.forced(),
         ..BakeOptions::default()
     };
+    export::settle(&args.input);
     let (_, scene) = import::load(&args.input, &options.import)?;
     let read = started.elapsed().as_secs_f64();
     let run = Run {

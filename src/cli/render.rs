@@ -123,6 +123,7 @@ impl SceneArgs {
 pub fn run(args: &RenderArgs) -> ExitCode {
     let output = args.output.clone().unwrap_or_else(|| args.input.with_extension("png"));
     let taken = in_pool(args.threads.map(usize::from), || -> Result<Picture> {
+        export::settle(&args.input);
         let baked = baked::read(&args.input, &args.scene.import())?;
         let (view, size) = (args.view.view(), args.view.size);
         let options = RenderOptions { view, size, exposure: args.exposure, tone: args.tone.0 };

@@ -14,7 +14,7 @@ use lightkiln::study::effects::{Subject, effects};
 use lightkiln::study::stability::stability;
 use lightkiln::study::{Study, write};
 use lightkiln::text::printable;
-use lightkiln::{Error, Result, import};
+use lightkiln::{Error, Result, export, import};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -126,6 +126,7 @@ fn study_effects(args: &EffectsArgs) -> Result<Study> {
     let options = args.options();
     let read = |(number, path): (usize, &PathBuf)| {
         let started = Instant::now();
+        export::settle(path);
         let (_, scene) = import::load(path, &options.import)?;
         let read_seconds = started.elapsed().as_secs_f64();
         let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();

@@ -3,16 +3,16 @@
 //! What is guaranteed, whenever the process or the machine stops: the input is as it was; a file that stands under its
 //! name is whole; and a glTF belongs to the pages beside it, both new or both as they were. No system renames several
 //! files at once, so what several files of an older bake stand in the way of is first taken aside, the glTF before its
-//! pages, and comes back when a rename fails. Who is killed between two of these renames leaves the older files, as the
-//! new ones, under temporary names. Those vanish with the next bake into the folder (`temporary.rs`).
+//! pages, and comes back when a rename fails. After a kill between two of these renames some names are missing, until the
+//! next run into the folder ends what was begun, by the journal (`journal.rs`): it finds all older files there, or all new.
 
+use super::journal::{Journal, Move, Moves, Rename};
 use super::temporary;
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use tempfile::{NamedTempFile, TempPath};
+use tempfile::NamedTempFile;
 
 /// Files under temporary names; dropped, they vanish.
 pub(super) struct Batch {
@@ -89,39 +89,45 @@ impl Batch {
     }
 
     fn commit_by(self, rename: &mut Rename) -> Result<Vec<PathBuf>> {
-        let mut older = Older::default();
-        let mut written = Vec::with_capacity(self.staged.len());
         // A single file is replaced at once.
-        let mut done = if self.staged.len() > 1 {
-            self.staged.iter().rev().try_for_each(|(_, path)| older.take_aside(path, rename))
-        } else {
-            Ok(())
-        };
+        let single = self.staged.len() == 1;
+        let names: Vec<PathBuf> = self.staged.iter().map(|(_, path)| path.clone()).collect();
+        let (mut locks, mut folders) = (Vec::new(), Vec::<Moves>::new());
         for (file, path) in self.staged {
-            done = done.and_then(|()| {
-                let told = |error| Error::io(&path, error);
-                // The lock is held until the file has its name.
-                let (_file, temporary) = file.keep().map_err(|failed| told(failed.error))?;
-                rename(&temporary, &path).map_err(|error| {
-                    let _ = std::fs::remove_file(&temporary);
-                    told(error)
-                })?;
-                written.push(path);
-                Ok(())
-            });
+            let (file, temporary) = file.keep().map_err(|failed| Error::io(&path, failed.error))?;
+            // What is no file is in the way, and the rename will say so.
+            let older = !single && path.symlink_metadata().is_ok_and(|there| !there.is_dir());
+            let (folder, file_move) = (folder_of(&path), Move::new(&temporary, &path, older));
+            match folders.iter_mut().find(|moves| moves.folder == folder) {
+                Some(moves) => moves.list.push(file_move),
+                None => folders.push(Moves { folder: folder.to_owned(), list: vec![file_move] }),
+            }
+            // Held until the files have their names.
+            locks.push(file);
         }
-        if let Err(error) = done {
-            written.iter().rev().for_each(|path| drop(std::fs::remove_file(path)));
-            older.bring_back(rename);
-            return Err(error);
+        let mut journals = Vec::new();
+        let failed = |(path, error): (PathBuf, std::io::Error)| Error::io(path, error);
+        let mut go = || {
+            for moves in folders.iter().filter(|_| !single) {
+                journals.push(Journal::begin(moves).map_err(|error| Error::io(&moves.folder, error))?);
+            }
+            folders.iter().try_for_each(|moves| moves.take_aside(rename)).map_err(failed)?;
+            folders.iter().try_for_each(|moves| moves.place(rename)).map_err(failed)
+        };
+        let done = go();
+        if done.is_err() {
+            let back = folders.iter().rev().try_for_each(|moves| moves.take_back(rename));
+            let back =
+                back.and_then(|()| folders.iter().rev().try_for_each(|moves| moves.bring_back(rename)));
+            if back.is_err() {
+                // The journals stay, and with them what they name: the next run may do better.
+                return done.map(|()| names);
+            }
         }
-        drop(older);
-        let folders: BTreeSet<&Path> = written.iter().map(|path| folder_of(path)).collect();
-        for folder in folders {
-            // The names themselves; not every system lets a folder be opened for this, and nothing is lost where not.
-            let _ = File::open(folder).and_then(|folder| folder.sync_all());
-        }
-        Ok(written)
+        folders.iter().for_each(Moves::sync);
+        journals.into_iter().for_each(Journal::end);
+        folders.iter().for_each(Moves::clear);
+        done.map(|()| names)
     }
 
     /// Fails where `path` is a file of the input, or one of this batch.
@@ -140,47 +146,6 @@ impl Batch {
             ));
         }
         Ok(())
-    }
-}
-
-/// Moves a file from one name to another in the same folder, in place of what has that name.
-type Rename<'a> = dyn FnMut(&Path, &Path) -> std::io::Result<()> + 'a;
-
-/// Files under temporary names that stand under their own no more; dropped, they vanish.
-#[derive(Default)]
-struct Older(Vec<Aside>);
-
-struct Aside {
-    path: PathBuf,
-    temporary: TempPath,
-    /// Locked, so that no other process takes the file for a leftover.
-    _held: Option<File>,
-}
-
-impl Older {
-    /// Takes the file of this name aside, if there is one.
-    fn take_aside(&mut self, path: &Path, rename: &mut Rename) -> Result<()> {
-        // What is no file is in the way, and the rename will say so.
-        if !path.symlink_metadata().is_ok_and(|there| !there.is_dir()) {
-            return Ok(());
-        }
-        let told = |error| Error::io(path, error);
-        let (_placeholder, temporary) = temporary::file_in(folder_of(path)).map_err(told)?.into_parts();
-        let held = File::open(path).ok().filter(|file| file.try_lock().is_ok());
-        rename(path, &temporary).map_err(told)?;
-        self.0.push(Aside { path: path.to_owned(), temporary, _held: held });
-        Ok(())
-    }
-
-    /// Gives every file its name again, the last one that went first.
-    fn bring_back(self, rename: &mut Rename) {
-        for aside in self.0.into_iter().rev() {
-            match rename(&aside.temporary, &aside.path) {
-                Ok(()) => drop(aside.temporary.keep()),
-                // Not deleted, at least not now.
-                Err(_) => std::mem::forget(aside.temporary),
-            }
-        }
     }
 }
 
@@ -262,11 +227,36 @@ mod tests {
         (batch, paths)
     }
 
+    /// What a kill at this moment leaves, after the next run looked into the folder.
+    fn settled(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+        let left = tempfile::tempdir().unwrap();
+        copy(folder, left.path());
+        temporary::sweep(left.path());
+        let read = |name: String| (name.clone(), std::fs::read(left.path().join(name)).unwrap());
+        names(left.path()).into_iter().map(read).collect()
+    }
+
+    fn copy(from: &Path, to: &Path) {
+        for name in names(from) {
+            std::fs::copy(from.join(&name), to.join(&name)).unwrap();
+        }
+    }
+
+    /// Which bake the files are of, whole and with nothing beside them.
+    fn whole(files: &BTreeMap<String, Vec<u8>>) -> &'static str {
+        let read: Vec<(&str, &[u8])> = files.iter().map(|(name, bytes)| (&name[..], &bytes[..])).collect();
+        match read[..] {
+            [("a.exr", b"old"), ("c.glb", b"old")] => "old",
+            [("a.exr", b"new"), ("b.exr", b"new"), ("c.glb", b"new")] => "new",
+            _ => panic!("neither bake is whole: {files:?}"),
+        }
+    }
+
     #[test]
     fn between_any_two_renames_a_gltf_has_the_pages_it_was_made_with() {
         let folder = tempfile::tempdir().unwrap();
         let (batch, paths) = rebake(folder.path());
-        let mut seen = Vec::new();
+        let (mut seen, mut found) = (Vec::new(), vec![whole(&settled(folder.path()))]);
         let mut look = || {
             let [a, b, gltf] = paths.each_ref().map(|path| std::fs::read_to_string(path).unwrap_or_default());
             match gltf.as_str() {
@@ -274,21 +264,88 @@ mod tests {
                 "new" => assert_eq!([a.as_str(), b.as_str()], ["new", "new"]),
                 _ => assert_eq!(gltf, ""),
             }
-            // What has no name is not lost.
-            let kept = std::fs::read_dir(folder.path()).unwrap().flatten();
-            let kept = kept.filter(|entry| std::fs::read(entry.path()).unwrap() == b"old").count();
-            assert_eq!(kept, 2);
             seen.push(gltf);
+            found.push(whole(&settled(folder.path())));
         };
-        // What stands in the folder before a rename is what a kill at that moment leaves.
+        // What stands in the folder around a rename is what a kill at that moment leaves.
         let renamed = batch.commit_by(&mut |from, to| {
             look();
-            std::fs::rename(from, to)
+            std::fs::rename(from, to)?;
+            look();
+            Ok(())
         });
         assert_eq!(renamed.unwrap(), paths);
-        assert_eq!(seen, ["old", "", "", "", ""]);
-        assert!(paths.iter().all(|path| std::fs::read(path).unwrap() == b"new"));
+        assert_eq!(seen, ["old", "", "", "", "", "", "", "", "", "new"]);
+        assert_eq!(found, ["old", "old", "old", "old", "new", "new", "new", "new", "new", "new", "new"]);
+        assert_eq!(whole(&settled(folder.path())), "new");
         assert_eq!(names(folder.path()), ["a.exr", "b.exr", "c.glb"]);
+    }
+
+    #[test]
+    fn killed_on_the_way_back_from_an_error_one_bake_is_whole() {
+        for fails in 0..5 {
+            let folder = tempfile::tempdir().unwrap();
+            let (batch, _) = rebake(folder.path());
+            let (mut count, mut found) = (0, Vec::new());
+            let failed = batch.commit_by(&mut |from, to| {
+                found.push(whole(&settled(folder.path())));
+                count += 1;
+                if count == fails + 1 {
+                    return Err(std::io::ErrorKind::PermissionDenied.into());
+                }
+                std::fs::rename(from, to)
+            });
+            assert!(failed.is_err());
+            // Where all older files were aside already, a kill on the way back lets the new ones appear.
+            assert_eq!(found.contains(&"new"), fails >= 2, "{found:?}");
+            assert_eq!(whole(&settled(folder.path())), "old", "{fails}");
+        }
+    }
+
+    #[test]
+    fn what_was_saved_since_a_kill_is_not_replaced() {
+        for killed_before in 1..5 {
+            let (folder, killed) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+            let mut count = 0;
+            let batch = rebake(folder.path()).0;
+            let renamed = batch.commit_by(&mut |from, to| {
+                if count == killed_before {
+                    copy(folder.path(), killed.path());
+                }
+                count += 1;
+                std::fs::rename(from, to)
+            });
+            renamed.unwrap();
+            let folder = killed;
+            std::fs::write(folder.path().join("c.glb"), "the artist's").unwrap();
+            temporary::sweep(folder.path());
+            assert_eq!(std::fs::read(folder.path().join("c.glb")).unwrap(), b"the artist's");
+            assert!(names(folder.path()).iter().all(|name| !name.starts_with('.')));
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_journal_that_leads_elsewhere_or_says_nothing_is_left_alone() {
+        let outer = tempfile::tempdir().unwrap();
+        let (folder, precious) = (outer.path().join("in"), outer.path().join("precious"));
+        std::fs::create_dir(&folder).unwrap();
+        for (staged, name) in
+            [("../precious", "a.exr"), (".lightkiln-x/../../precious", "a.exr"), ("precious", "a.exr")]
+        {
+            std::fs::write(&precious, "kept").unwrap();
+            std::fs::write(folder.join("precious"), "kept").unwrap();
+            let unix = |name: &str| serde_json::json!({ "Unix": name.as_bytes() });
+            let list = serde_json::json!([{ "staged": unix(staged), "name": unix(name), "older": false }]);
+            std::fs::write(folder.join(".lightkiln-x.journal"), list.to_string()).unwrap();
+            temporary::sweep(&folder);
+            assert!(precious.exists() && !folder.join(name).exists(), "{staged}");
+            assert_eq!(names(&folder), [".lightkiln-x.journal", "precious"]);
+        }
+        std::fs::write(folder.join(".lightkiln-x.journal"), "[{").unwrap();
+        std::fs::write(folder.join(".lightkiln-y.tmp"), "whose?").unwrap();
+        temporary::sweep(&folder);
+        assert!(folder.join(".lightkiln-y.tmp").exists(), "nothing is removed that a journal may need");
     }
 
     #[test]

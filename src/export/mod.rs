@@ -8,6 +8,7 @@ mod carrier;
 mod exr;
 mod files;
 mod gltf;
+mod journal;
 mod lookup;
 mod picture;
 mod preview;
@@ -79,6 +80,11 @@ pub fn check_place(path: &Path) -> Result<()> {
         return Err(Error::invalid(path.display().to_string(), "this is a folder, not a file"));
     }
     files::check_folder(files::folder_of(path))
+}
+
+/// Ends what a killed run began to rename in the folder of `path`, which is to be read.
+pub fn settle(path: &Path) {
+    journal::settle(files::folder_of(path));
 }
 
 /// Fails where a file that `options` name is one that the input is made of: those are never changed.

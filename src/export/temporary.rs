@@ -4,6 +4,7 @@
 //! ends. So a file that nobody holds is a leftover, and one of a bake that still runs is left alone, in this process or
 //! any other.
 
+use super::journal;
 use std::fs::{File, TryLockError};
 use std::io::{Error, ErrorKind, Result};
 use std::path::Path;
@@ -34,8 +35,10 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
     Err(Error::new(ErrorKind::ResourceBusy, "another process removes the temporary files of this folder"))
 }
 
-/// Removes the temporary files in `folder` that no process holds. What cannot be removed stays: it is in nobody's way.
+/// Ends what killed runs began to rename in `folder`, then removes the temporary files there that no process holds. What
+/// cannot be removed stays: it is in nobody's way.
 pub(super) fn sweep(folder: &Path) {
+    journal::settle(folder);
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         let name = entry.file_name();
@@ -47,7 +50,8 @@ pub(super) fn sweep(folder: &Path) {
         }
         let path = entry.path();
         let Ok(file) = File::open(&path) else { continue };
-        if file.try_lock().is_ok() {
+        // A journal is looked for when the lock is had: who held it may have died over its renames just now.
+        if file.try_lock().is_ok() && !journal::unsettled(folder) {
             let _ = std::fs::remove_file(&path);
         }
     }

@@ -29,8 +29,8 @@ impl Document {
         warnings: &mut Vec<Warning>,
     ) -> Result<Self> {
         let at = path.display().to_string();
-        let (json, container) = container::open(bytes, &at, warnings)?;
-        let mut document = Self { path: path.to_owned(), json, container, buffers: Vec::new() };
+        let (container::Text { value: json, exponents }, container) = container::open(bytes, &at, warnings)?;
+        let mut document = Self { path: path.to_owned(), json, exponents, container, buffers: Vec::new() };
         super::extensions::check(&document.json, &at)?;
         let count = items(&document.json, BUFFERS)?.len();
         document.buffers =

@@ -85,8 +85,13 @@ mod tests {
         });
         let mut warnings = Vec::new();
         let hierarchy = nodes::place(&json, None, &mut warnings).unwrap();
-        let document =
-            Document { path: "a.gltf".into(), json, container: Container::Json, buffers: Vec::new() };
+        let document = Document {
+            path: "a.gltf".into(),
+            json,
+            exponents: Default::default(),
+            container: Container::Json,
+            buffers: Vec::new(),
+        };
         let cameras = read(&document, &hierarchy, &mut warnings);
         assert_eq!(cameras.len(), 2);
         assert_eq!(cameras[0].name, "Eye");

@@ -1,6 +1,7 @@
 //! What wraps the JSON: nothing (`.gltf`) or a chunked file (`.glb`, glTF 2.0 section 4).
 
 use super::document::Container;
+use super::exponents::Exponents;
 use crate::error::{Error, Result, Warning};
 use serde_json::Value;
 
@@ -8,8 +9,14 @@ const MAGIC: &[u8; 4] = b"glTF";
 const CHUNK_JSON: u32 = 0x4E4F_534A;
 const CHUNK_BIN: u32 = 0x004E_4942;
 
+/// The JSON, and what its value does not keep.
+pub(super) struct Text {
+    pub value: Value,
+    pub exponents: Exponents,
+}
+
 /// Takes the file apart. `at` names it in messages.
-pub(super) fn open(bytes: &[u8], at: &str, warnings: &mut Vec<Warning>) -> Result<(Value, Container)> {
+pub(super) fn open(bytes: &[u8], at: &str, warnings: &mut Vec<Warning>) -> Result<(Text, Container)> {
     if bytes.starts_with(MAGIC) {
         let (json, container) = split(bytes, at, warnings)?;
         return Ok((parse(json, at)?, container));
@@ -41,11 +48,11 @@ fn foreign(bytes: &[u8]) -> Option<&'static str> {
     }
 }
 
-fn parse(json: &[u8], at: &str) -> Result<Value> {
+fn parse(json: &[u8], at: &str) -> Result<Text> {
     let value: Value = serde_json::from_slice(json)
         .map_err(|error| Error::invalid(at, format!("its JSON is broken: {error}; export the file again")))?;
     if value.is_object() {
-        Ok(value)
+        Ok(Text { value, exponents: Exponents::of(json) })
     } else {
         Err(Error::invalid(at, "its JSON is not an object: export the scene again"))
     }
@@ -123,7 +130,7 @@ mod tests {
     }
 
     fn read(bytes: &[u8]) -> Result<(Value, Container)> {
-        open(bytes, "a.glb", &mut Vec::new())
+        open(bytes, "a.glb", &mut Vec::new()).map(|(text, container)| (text.value, container))
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The file as it is: kept whole, so that export can append to it without losing anything.
 
 use super::compression::DecodedView;
+use super::exponents::Exponents;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -38,6 +39,8 @@ pub struct Document {
     pub path: PathBuf,
     /// The JSON, order and number text kept.
     pub json: Value,
+    /// Number text that `json` does not keep.
+    pub exponents: Exponents,
     /// How it is wrapped.
     pub container: Container,
     /// One per entry of `buffers`.

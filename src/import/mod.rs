@@ -11,6 +11,7 @@ mod claims;
 mod compression;
 mod container;
 mod document;
+mod exponents;
 mod extensions;
 mod extras;
 mod geometry;
@@ -33,6 +34,7 @@ mod testing;
 mod tests;
 
 pub use document::{Buffer, Container, Document, RawAccessor, RawPrimitive};
+pub use exponents::Exponents;
 
 use crate::error::{Error, Result, Warning};
 use crate::options::ImportOptions;

@@ -156,3 +156,30 @@ fn a_file_without_buffers_gets_its_first() {
         assert!(baked.scene_after.surfaces.len() == 1);
     }
 }
+
+#[test]
+fn numbers_are_written_letter_by_letter_as_they_were() {
+    let mut json = sheet(6).json(json!({
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"name": "Sheet", "mesh": 0, "extras": "NUMBERS"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+    }));
+    let numbers = r#"{"plain":[1e5,1.50,-0.0,2E-3],"1E5":"1e5 \"1E5\"","other":[1E5,1e+5,3E007]}"#;
+    for name in ["in.glb", "in.gltf"] {
+        if name.ends_with("gltf") {
+            json["buffers"][0]["uri"] = "in.bin".into();
+        }
+        let text = json.to_string().replace(r#""NUMBERS""#, numbers);
+        let folder = tempfile::tempdir().unwrap();
+        let input = folder.path().join(name);
+        std::fs::write(folder.path().join("in.bin"), &sheet(6).bin).unwrap();
+        let bytes = if name.ends_with("glb") { glb(&text, Some(&sheet(6).bin), &[]) } else { text.into() };
+        std::fs::write(&input, bytes).unwrap();
+        let baked = Baked::of_file(folder, &input, Cut::Triangles, |_| 0, ExportOptions::default()).unwrap();
+        let bytes = std::fs::read(baked.written.files.last().unwrap()).unwrap();
+        let compact: String = String::from_utf8_lossy(&bytes).replace(['\n', ' '], "");
+        // The bake's own extras follow.
+        let expected = numbers.replace(' ', "");
+        assert!(compact.contains(expected.trim_end_matches('}')), "{name}");
+    }
+}

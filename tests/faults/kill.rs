@@ -1,8 +1,10 @@
-//! SIGKILL at any moment.
+//! SIGKILL at any moment, and at every rename.
 
 use super::{Files, Place, is_temporary};
-use std::path::Path;
-use std::process::Stdio;
+use lightkiln::export::check_place;
+use std::os::unix::process::ExitStatusExt as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// How often a bake is killed: 50 times, or `LIGHTKILN_KILLS`.
@@ -54,10 +56,92 @@ fn killed_at_any_moment_it_leaves_whole_files_or_none() {
         let left = place.files();
         left_something += usize::from(left.keys().any(|name| is_temporary(name)));
         examine(&before, &left, &new, kill);
+        // What the next run into the folder begins with, whatever it bakes.
+        check_place(&place.path("another.glb")).unwrap();
+        let settled = place.files();
+        assert!(!settled.keys().any(|name| is_temporary(name)), "after kill {kill}: {:?}", settled.keys());
+        which(&settled, &before, &new).unwrap_or_else(|| panic!("after kill {kill} neither bake is whole"));
     }
     assert!(left_something > 0, "no kill came while files were written: the test is too tame");
     // The next run cleans up, and is as if nothing had happened.
     assert_eq!(whole(&place, &[]).0, new);
+}
+
+/// Which bake stands in the folder, whole.
+fn which(found: &Files, old: &Files, new: &Files) -> Option<&'static str> {
+    let is = |bake: &Files| FILES.iter().all(|name| found.get(*name) == bake.get(*name));
+    if is(old) { Some("old") } else { is(new).then_some("new") }
+}
+
+/// Put between the program and its C library, kills it before it renames or removes a file for the nth time.
+#[cfg(target_os = "linux")]
+const SHIM: &str = r#"
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+static atomic_int steps;
+static void step(void) {
+    const char *last = getenv("KILLED_BEFORE");
+    if (last && atomic_fetch_add(&steps, 1) == atoi(last)) raise(SIGKILL);
+}
+int rename(const char *from, const char *to) {
+    step();
+    return ((int (*)(const char *, const char *))dlsym(RTLD_NEXT, "rename"))(from, to);
+}
+int unlink(const char *path) {
+    step();
+    return ((int (*)(const char *))dlsym(RTLD_NEXT, "unlink"))(path);
+}
+"#;
+
+#[cfg(target_os = "linux")]
+fn shim(folder: &Path) -> PathBuf {
+    let (source, library) = (folder.join("shim.c"), folder.join("shim.so"));
+    std::fs::write(&source, SHIM).unwrap();
+    let built =
+        Command::new("cc").args(["-shared", "-fPIC", "-o"]).arg(&library).arg(&source).arg("-ldl").status();
+    assert!(built.is_ok_and(|status| status.success()), "what builds xatlas builds this too");
+    library
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn killed_before_every_single_rename_one_bake_is_whole_after_the_next_run() {
+    let tools = tempfile::tempdir().unwrap();
+    let shim = shim(tools.path());
+    let (new, _) = whole(&Place::new(), &[]);
+    let (old, _) = whole(&Place::new(), &["--density", "5"]);
+    for over_older in [false, true] {
+        let (mut found, mut without_gltf) = (Vec::new(), 0);
+        for step in 0.. {
+            let place = Place::new();
+            let before = if over_older { place_all(&place, &old) } else { place.files() };
+            let mut bake = place.bake_to(Path::new(""));
+            let status =
+                bake.env("LD_PRELOAD", &shim).env("KILLED_BEFORE", step.to_string()).output().unwrap();
+            if status.status.success() {
+                break;
+            }
+            assert_eq!(status.status.signal(), Some(9), "{}", String::from_utf8_lossy(&status.stderr));
+            let left = place.files();
+            examine(&before, &left, &new, step);
+            without_gltf += usize::from(over_older && !left.contains_key(FILES[0]));
+            let another = ["--page-size", "64", "-o", "another.glb"];
+            assert!(place.bake_within("true", &another).output().unwrap().status.success());
+            let settled = place.files();
+            assert!(!settled.keys().any(|name| is_temporary(name)), "{:?}", settled.keys());
+            found.push(
+                which(&settled, &before, &new).unwrap_or_else(|| panic!("step {step}: neither is whole")),
+            );
+        }
+        // First the older, then the new: three renames aside, three to the names, and the journal's end.
+        assert!(found.is_sorted_by_key(|bake| *bake == "new"), "{found:?}");
+        let newer = found.iter().filter(|bake| **bake == "new").count();
+        assert!(newer >= if over_older { 7 } else { 4 } && newer < found.len(), "{found:?}");
+        assert_eq!(without_gltf, if over_older { 3 } else { 0 });
+    }
 }
 
 /// Nothing but the input and what earlier kills left.

@@ -65,7 +65,8 @@ fn files(folder: &Path) -> Files {
     named.collect()
 }
 
-/// Whether a name is a temporary one.
+/// Whether a name is a temporary one, or a journal's.
 fn is_temporary(name: &str) -> bool {
-    name.starts_with(lightkiln::export::TEMPORARY_PREFIX) && name.ends_with(".tmp")
+    let ends = name.ends_with(".tmp") || name.ends_with(".journal");
+    name.starts_with(lightkiln::export::TEMPORARY_PREFIX) && ends
 }

@@ -6,6 +6,7 @@ use crate::cli::failure;
 use crate::cli::values::Pick;
 use clap::Args;
 use lightkiln::bake::Run;
+use lightkiln::export;
 use lightkiln::import::{self, Document};
 use lightkiln::options::{BakeOptions, Quality};
 use lightkiln::scene::Scene;
@@ -64,6 +65,7 @@ fn study(args: &AccuracyArgs) -> Result<Study> {
     if let Some(folder) = &args.how.out {
         std::fs::create_dir_all(folder).map_err(|error| Error::io(folder, error))?;
     }
+    export::settle(&args.input);
     let (document, scene) = import::load(&args.input, &options.import)?;
     let job = Job { args, options, document, scene, beside };
     timed(&args.how, |run| job.study(run))

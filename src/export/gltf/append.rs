@@ -237,16 +237,18 @@ impl<'a> Edit<'a> {
             Home::File if !added.is_empty() => buffer = Some(vec![Piece::New(added)]),
             _ => {}
         }
-        let text =
-            |error: serde_json::Error| Error::invalid(at, format!("the JSON cannot be written: {error}"));
+        let written = |json: serde_json::Result<Vec<u8>>| {
+            let told = |error| Error::invalid(at, format!("the JSON cannot be written: {error}"));
+            json.map(|json| self.document.exponents.restore(json)).map_err(told)
+        };
         let gltf = match self.form {
-            Form::Json => vec![Piece::New(serde_json::to_vec_pretty(&self.json).map_err(text)?)],
+            Form::Json => vec![Piece::New(written(serde_json::to_vec_pretty(&self.json))?)],
             Form::Binary => {
                 let other = match &self.document.container {
                     Container::Binary { other_chunks, .. } => other_chunks.as_slice(),
                     Container::Json => &[],
                 };
-                super::glb::pieces(at, serde_json::to_vec(&self.json).map_err(text)?, bin, other)?
+                super::glb::pieces(at, written(serde_json::to_vec(&self.json))?, bin, other)?
             }
         };
         Ok((Pieces { gltf, buffer }, self.warnings))
