@@ -263,10 +263,29 @@ impl<T: Tracer> Work<'_, T> {
             }
             None => scratch.clear.fill(true),
         }
+        let sends = self.tiles.is_some();
         for i in (0..grid.id.len()).filter(|&i| lit(i)) {
+            let is_clear = scratch.clear[i]
+                && !(sends && self.patterns.clear_probed && self.is_stopped(emitter, i, rays));
             (scratch.class[i], scratch.ratio[i]) =
-                if scratch.clear[i] { (Class::Clear, Vec3::ONE) } else { self.ask(emitter, i, rays) };
+                if is_clear { (Class::Clear, Vec3::ONE) } else { self.ask(emitter, i, rays) };
         }
+    }
+
+    /// Whether a ray meets anything where none should: a proof that is put to the test.
+    fn is_stopped<E: Emitter>(&self, emitter: &E, i: usize, rays: &mut u64) -> bool {
+        let phase = self.grid.phase(i);
+        let points = match self.patterns.everywhere {
+            true => &self.patterns.refine[phase],
+            false => self.patterns.probe(phase, emitter.is_sharp()),
+        };
+        let footprint = self.footprints[i].for_light(emitter.is_sharp());
+        let mut stopped = false;
+        for Shadow { passed, rays: sent, .. } in shadows(emitter, footprint, points, self.tracer) {
+            *rays += sent;
+            stopped |= passed != Vec3::ONE;
+        }
+        stopped
     }
 
     /// Whether any ray could be sent from the texel's middle. A light that grazes the surface, so that it is told from one

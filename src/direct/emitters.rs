@@ -48,6 +48,8 @@ pub struct EmitterList {
     counting: usize,
     /// Whether lights without extent are probed as often as those with.
     pub(super) sharp_as_soft: bool,
+    /// Whether those that nothing stands in the way of are probed, too.
+    pub(super) clear_probed: bool,
 }
 
 impl EmitterList {
@@ -210,8 +212,8 @@ pub fn collect(scene: &Scene, plan: &Plan) -> (EmitterList, Sky) {
     let counting = emitters.len();
     emitters.extend(vain);
     rooms.resize(emitters.len(), Vec::new());
-    let Lights { between_rooms: everywhere, sharp_as_soft, .. } = plan.lights;
-    (EmitterList { emitters, rooms, everywhere, counting, sharp_as_soft }, rest)
+    let Lights { between_rooms: everywhere, sharp_as_soft, clear_probed, .. } = plan.lights;
+    (EmitterList { emitters, rooms, everywhere, counting, sharp_as_soft, clear_probed }, rest)
 }
 
 fn lamp_emitter(kind: &LampKind) -> AnyEmitter {

@@ -159,7 +159,7 @@ pub fn light<T: Tracer>(
         return direct;
     }
     progress.restart(elements.len() as u64);
-    let patterns = penumbra::Patterns::new(options, emitters.sharp_as_soft, seed);
+    let patterns = penumbra::Patterns::new(options, emitters, seed);
     // Bounded batches keep the transient copies small next to the elements themselves.
     for batch in direct.blocks.chunks(4096) {
         let lit: Vec<_> = batch

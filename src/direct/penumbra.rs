@@ -1,5 +1,6 @@
 //! Which shadow rays an element sends.
 
+use super::EmitterList;
 use crate::options::DirectOptions;
 use crate::sampling::{seeded, shifted, sobol4};
 
@@ -17,6 +18,8 @@ pub struct Patterns {
     pub refine: Vec<Vec<[f32; 4]>>,
     /// Whether every texel counts as one that a shadow border passes, and none is averaged with its neighbours.
     pub everywhere: bool,
+    /// Whether texels are probed from which surely all of the emitter is seen.
+    pub clear_probed: bool,
     /// Standard error of a visible share found by one set of the refinement. The border of a shadow cuts the four
     /// dimensions of texel and emitter into two parts; of n cells that n well-spread points stand for it passes through
     /// about n^(3/4), each of which errs by up to a half: n^(3/8) / (2n).
@@ -24,8 +27,8 @@ pub struct Patterns {
 }
 
 impl Patterns {
-    /// Sets for the given effort; other ones for every `seed`.
-    pub fn new(options: &DirectOptions, sharp_as_soft: bool, seed: u32) -> Self {
+    /// Sets for the given effort and these emitters; other ones for every `seed`.
+    pub fn new(options: &DirectOptions, emitters: &EmitterList, seed: u32) -> Self {
         let phases = PERIOD * PERIOD;
         let probe_rays = options.probe_rays.max(1);
         // One stratified set over all phases, dealt out so that each phase gets a spread-out share.
@@ -43,14 +46,15 @@ impl Patterns {
             })
             .collect();
         // Two dimensions less: half the points. Asked as if there were an extent, each stands for two points of the light.
-        let times = if sharp_as_soft { 2 } else { 1 };
+        let times = if emitters.sharp_as_soft { 2 } else { 1 };
         let half = |points: &Vec<[f32; 4]>| {
             let points = points[..points.len().div_ceil(2)].iter();
             points.flat_map(|&point| std::iter::repeat_n(point, times)).collect()
         };
         let sharp_probe = probe.iter().map(half).collect();
         let visibility_error = 0.5 * (refine_rays as f32).powf(-0.625);
-        Self { probe, sharp_probe, refine, everywhere: options.probe_rays == 0, visibility_error }
+        let (everywhere, clear_probed) = (options.probe_rays == 0, emitters.clear_probed);
+        Self { probe, sharp_probe, refine, everywhere, clear_probed, visibility_error }
     }
 
     /// Points of a texel's probe.

@@ -44,7 +44,8 @@ pub fn probe_rays(
             let reaching = asked.iter().map(|&k| &emitters.emitters[k as usize]);
             let reaching = reaching.filter(|emitter| emitter.unoccluded(&receiver).0.max_element() > 0.0);
             let footprint = Footprint::new(elements, e as u32, world, std::iter::empty());
-            let asked = reaching.filter(|emitter| !footprint.sees_all_of(*emitter, world));
+            let asked =
+                reaching.filter(|emitter| emitters.clear_probed || !footprint.sees_all_of(*emitter, world));
             let one = |sharp: bool| {
                 let half = sharp && !emitters.sharp_as_soft && options.probe_rays > 0;
                 match footprint.for_light(sharp).is_parted() {

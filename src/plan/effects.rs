@@ -6,7 +6,7 @@ use super::reasons::{
     back_faces, between_rooms, bounces, channels, far_lamps, final_gather, instancing, lamps, lights,
     penumbras, shadows, sky, surfaces, unseen,
 };
-use super::savings::{Saving, saved};
+use super::savings::{PARTLY_SAVED, Saving, saved};
 use super::{Facts, Side};
 use crate::options::{Effect, Forced};
 use crate::scene::{Alpha, LampKind, Material, Opacity, Role};
@@ -140,9 +140,15 @@ pub(super) fn findings(facts: &Facts, wanted: &Forced) -> Vec<Finding> {
         let forceable = can_be_forced(facts, effect, called);
         let forced = forceable && wanted.has(effect);
         let on = called || forced;
-        let what = if on { String::new() } else { saved(facts, effect).to_owned() };
+        // Shadows are on for some texels and left out for others.
+        let can_be_forced = forceable && !forced && (!on || effect == Effect::Shadows);
+        let what = match (on, can_be_forced) {
+            (true, true) => PARTLY_SAVED.to_owned(),
+            (true, false) => String::new(),
+            (false, _) => saved(facts, effect).to_owned(),
+        };
         let saving = Saving { what, amounts: Vec::new() };
-        Finding { effect, on, forced, can_be_forced: forceable && !on, reason, evidence, saving }
+        Finding { effect, on, forced, can_be_forced, reason, evidence, saving }
     };
     Effect::ALL.into_iter().map(finding).collect()
 }
@@ -159,7 +165,7 @@ pub(super) fn can_be_forced(facts: &Facts, effect: Effect, called: bool) -> bool
         Effect::UnseenSurfaces => facts.lit != facts.sides,
         Effect::LightBetweenRooms => facts.rooms.len() > 1,
         Effect::FarLamps => facts.idle.iter().flatten().any(|idle| *idle != Idle::Black),
-        Effect::Shadows | Effect::Penumbras => !facts.sight.is_empty() && lights(facts) > 0,
+        Effect::Shadows | Effect::Penumbras => lights(facts) > 0,
         _ => !called,
     }
 }

@@ -95,6 +95,8 @@ pub struct Lights {
     pub black: Vec<Effect>,
     /// Whether lights without extent are probed as often as those with.
     pub sharp_as_soft: bool,
+    /// Whether lights are probed from where nothing stands in their way, too.
+    pub clear_probed: bool,
 }
 
 /// What is computed.
@@ -253,6 +255,7 @@ impl<'a> Proven<'a> {
             between_rooms: forced(Effect::LightBetweenRooms),
             black: effects::LISTED_LIGHTS.into_iter().filter(|&kind| forced(kind)).collect(),
             sharp_as_soft: forced(Effect::SoftSuns) || forced(Effect::SoftLamps),
+            clear_probed: forced(Effect::Shadows) || forced(Effect::Penumbras),
         };
         let effects = effects::findings(&self.0, wanted);
         let on = |effect: Effect| effects.iter().any(|finding| finding.effect == effect && finding.on);

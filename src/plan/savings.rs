@@ -69,6 +69,9 @@ impl Saving {
     }
 }
 
+/// What shadows that are computed save where nothing stands in the way.
+pub(super) const PARTLY_SAVED: &str = "shadow rays from where nothing stands in the way of a light";
+
 /// What leaving an effect out saves, in words.
 pub(super) fn saved(facts: &Facts, effect: Effect) -> &'static str {
     if !can_be_forced(facts, effect, false) {

@@ -46,11 +46,6 @@ impl Sight {
         self.of_triangle.get(triangle as usize).is_some_and(|known| known & bits != 0)
     }
 
-    /// Whether anything is known.
-    pub fn is_empty(&self) -> bool {
-        self.of_triangle.iter().all(|&bits| bits == 0)
-    }
-
     /// Without what is known of certain lights only: others are asked as well.
     pub(super) fn open_alone(mut self) -> Self {
         self.of_triangle.iter_mut().for_each(|bits| *bits &= OPEN[0] | OPEN[1]);

@@ -320,7 +320,7 @@ fn summary(outcomes: &[Outcome]) -> Sheet {
 fn trials(outcomes: &[Outcome]) -> Sheet {
     let row = |outcome: &Outcome, what: &str, trial: &Trial| {
         let finding = outcome.findings.iter().find(|finding| Some(finding.effect) == trial.effect);
-        let off = finding.filter(|finding| !finding.on);
+        let off = finding.filter(|finding| finding.can_be_forced);
         let foretold = off.and_then(|finding| finding.saving.rays());
         let more = |now: u64, before: u64| match now.checked_sub(before) {
             Some(more) => Cell::Count(more),
