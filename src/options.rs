@@ -3,7 +3,7 @@
 mod budget;
 mod effects;
 
-pub use budget::{Effort, ErrorBudget, Errors};
+pub use budget::{Effort, ErrorBudget, Errors, Experience};
 pub use effects::{Effect, Forced};
 
 use crate::units::Radiance;

@@ -22,7 +22,7 @@ use crate::elements::Elements;
 use crate::progress::Progress;
 use crate::transport::Tracer;
 use between::between_texels;
-use survey::{Found, Sampling, roughness, survey};
+use survey::{Found, Off, Sampling, Survey, roughness};
 use witness::Witness;
 
 /// Rays that are worth it however few the bake took.
@@ -32,6 +32,12 @@ const SHARES: [f64; 3] = [0.2, 0.45, 0.35];
 /// Of the mean square that a gather's few rays make this share is left after interpolation: a surface of the second order
 /// through eight or nine nodes weighs their noise by about 0.2 in its middle and 0.8 at its corners, mean 0.4.
 const NOISE_LEFT: f64 = 0.4;
+/// A mean square that is not known to this share of itself, standard error, is gone on with,
+const SETTLED: f64 = 0.25;
+/// up to this many times the rays: few texels with large errors are seldom met, and an estimate without them is none.
+const MORE: u64 = 3;
+/// Errors below this share of the mean need not be known better: half floats round by half of it.
+const NEGLIGIBLE: f64 = 1e-3;
 /// Texels of every class to begin with.
 const FIRST: [usize; 3] = [24, 8, 8];
 
@@ -94,19 +100,38 @@ pub fn audit<T: Tracer>(lit: &Lit<T>, wanted: Wanted, progress: &mut Progress) -
         resolution: (wanted.resolution * mean).powi(2) / 2.0,
     };
     let refined = parted(&|e| u8::from(lit.direct.refined[e]));
-    let direct = survey(&sampling(&refined, 0), |e| witness.direct_off(e), progress)?;
-    let (mut gather, mut solve, mut interpolation) = (Found::default(), Found::default(), 0.0);
+    let (mut nodes, mut contacts) = (Vec::new(), Vec::new());
     if let Some(reflections) = &lit.reflections {
-        let nodes = parted(&|e| 2 * among(e) + u8::from(reflections.gathered[e]));
-        gather = survey(&sampling(&nodes, 1), |e| witness.gather_off(reflections, e), progress)?;
+        nodes = parted(&|e| 2 * among(e) + u8::from(reflections.gathered[e]));
+        if reflections.coarse.is_some() {
+            contacts = parted(&among);
+        }
+    }
+    // What there is not has no texels to be looked at.
+    let mut surveys: Vec<Survey> = [&refined, &nodes, &contacts]
+        .into_iter()
+        .enumerate()
+        .filter(|(_, class)| !class.is_empty())
+        .map(|(k, class)| Survey::new(sampling(class, k)))
+        .collect();
+    let off = |k: usize, e: u32| match (k, &lit.reflections) {
+        (1, Some(reflections)) => witness.gather_off(reflections, e),
+        (2, Some(reflections)) => witness.solve_off(reflections, e),
+        _ => witness.direct_off(e),
+    };
+    for (k, survey) in surveys.iter_mut().enumerate() {
+        survey.run(|e| off(k, e), progress)?;
+    }
+    let resolution = wanted.resolution.max(NEGLIGIBLE) * mean;
+    settle(&mut surveys, resolution.powi(2), limit, &off, progress)?;
+    let found = |k: usize| surveys.get(k).map(Survey::found).unwrap_or_default();
+    let (direct, mut gather, solve) = (found(0), found(1), found(2));
+    let mut interpolation = 0.0;
+    if let Some(reflections) = &lit.reflections {
         let to_stage = witness::noise_to_stage(reflections.rays);
         gather.square = gather.square.max(gather.noise * to_stage);
         let [square, noise] = gather.of_even;
         interpolation = (square - NOISE_LEFT * noise * to_stage).clamp(0.0, gather.square);
-        if reflections.coarse.is_some() {
-            let contacts = parted(&among);
-            solve = survey(&sampling(&contacts, 2), |e| witness.solve_off(reflections, e), progress)?;
-        }
     }
     let parts = [direct, gather, solve];
     let square = parts.map(|part| part.square.max(0.0));
@@ -125,6 +150,28 @@ pub fn audit<T: Tracer>(lit: &Lit<T>, wanted: Wanted, progress: &mut Progress) -
         texels: parts.iter().map(|part| part.texels).sum(),
         rays: parts.iter().map(|part| part.rays).sum(),
     })
+}
+
+/// Goes on with whatever leaves most in doubt, until the error is known well or a good deal more rays are used up.
+fn settle(
+    surveys: &mut [Survey],
+    resolution: f64,
+    limit: u64,
+    off: &(impl Fn(usize, u32) -> Off + Sync),
+    progress: &Progress,
+) -> Option<()> {
+    loop {
+        let found: Vec<Found> = surveys.iter().map(Survey::found).collect();
+        let square: f64 = found.iter().map(|found| found.square.max(0.0)).sum();
+        let doubt = found.iter().map(|found| found.doubt.powi(2)).sum::<f64>().sqrt();
+        let rays: u64 = found.iter().map(|found| found.rays).sum();
+        let open = (0..surveys.len()).filter(|&k| !surveys[k].spent);
+        let most = open.max_by(|&a, &b| found[a].doubt.total_cmp(&found[b].doubt));
+        let Some(k) = most.filter(|_| doubt > SETTLED * square.max(resolution) && rays < MORE * limit) else {
+            return Some(());
+        };
+        surveys[k].round(|e| off(k, e), progress)?;
+    }
 }
 
 /// Valid elements of exported pages.

@@ -50,41 +50,70 @@ pub(super) struct Found {
     pub rays: u64,
 }
 
-/// Looks at texels until it is known well enough what all are off by; `None` when the caller stops it.
-pub(super) fn survey(
-    sampling: &Sampling,
-    off: impl Fn(u32) -> Off + Sync,
-    progress: &Progress,
-) -> Option<Found> {
-    let mut strata = strata(sampling);
-    let mut rays = 0;
-    let mut next = vec![sampling.first; strata.len()];
-    loop {
-        let drawn: Vec<(usize, u32)> = (0..strata.len())
-            .flat_map(|s| strata[s].draw(next[s]).into_iter().map(move |e| (s, e)))
+/// A look at few of many texels, which can be gone on with.
+pub(super) struct Survey<'a> {
+    sampling: Sampling<'a>,
+    strata: Vec<Stratum>,
+    /// How many texels of each class come next.
+    next: Vec<usize>,
+    rays: u64,
+    /// Whether there is nothing more to look at.
+    pub spent: bool,
+}
+
+impl<'a> Survey<'a> {
+    pub fn new(sampling: Sampling<'a>) -> Self {
+        let strata = strata(&sampling);
+        let next = vec![sampling.first; strata.len()];
+        Self { sampling, strata, next, rays: 0, spent: false }
+    }
+
+    /// Looks at texels until it is known well enough what all are off by, or the rays are used up; `None` when the caller
+    /// stops it.
+    pub fn run(&mut self, off: impl Fn(u32) -> Off + Sync, progress: &Progress) -> Option<()> {
+        loop {
+            self.round(&off, progress)?;
+            let found = self.found();
+            let known = found.doubt <= GOOD_ENOUGH * found.square.max(self.sampling.resolution);
+            if known || self.spent || self.rays >= self.sampling.rays {
+                return Some(());
+            }
+        }
+    }
+
+    /// Looks at some more texels; `None` when the caller stops it.
+    pub fn round(&mut self, off: impl Fn(u32) -> Off + Sync, progress: &Progress) -> Option<()> {
+        let drawn: Vec<(usize, u32)> = (0..self.strata.len())
+            .flat_map(|s| self.strata[s].draw(self.next[s]).into_iter().map(move |e| (s, e)))
             .collect();
         let seen: Vec<Option<Off>> =
             drawn.par_iter().map(|&(_, element)| (!progress.cancelled()).then(|| off(element))).collect();
-        let before = rays;
+        let before = self.rays;
         for ((s, _), off) in drawn.iter().zip(seen) {
-            let Off { by: [a, b], rays: sent } = off?;
-            rays += sent;
-            strata[*s].seen.push([a * b, (a - b).powi(2) / 2.0]);
+            let Off { by: [a, b], rays } = off?;
+            self.rays += rays;
+            self.strata[*s].seen.push([a * b, (a - b).powi(2) / 2.0]);
         }
-        progress.advance(rays - before);
+        progress.advance(self.rays - before);
+        self.spent = drawn.is_empty() || self.texels() >= MOST;
+        self.next = shares(&self.strata);
+        Some(())
+    }
+
+    /// What is known so far.
+    pub fn found(&self) -> Found {
         let sums = |strata: &mut dyn Iterator<Item = &Stratum>| -> [f64; 2] {
             let weighed = strata.map(|s| s.mean().map(|square| s.weight * square));
             weighed.fold([0.0; 2], |sum, add| [sum[0] + add[0], sum[1] + add[1]])
         };
-        let [square, noise] = sums(&mut strata.iter());
-        let of_even = sums(&mut strata.iter().filter(|s| s.is_even));
-        let texels: usize = strata.iter().map(|s| s.seen.len()).sum();
-        let doubt = doubt(&strata);
-        let known = doubt <= GOOD_ENOUGH * square.max(sampling.resolution);
-        if known || drawn.is_empty() || rays >= sampling.rays || texels >= MOST {
-            return Some(Found { square, noise, of_even, doubt, texels: texels as u64, rays });
-        }
-        next = shares(&strata);
+        let [square, noise] = sums(&mut self.strata.iter());
+        let of_even = sums(&mut self.strata.iter().filter(|s| s.is_even));
+        let (doubt, texels) = (doubt(&self.strata), self.texels() as u64);
+        Found { square, noise, of_even, doubt, texels, rays: self.rays }
+    }
+
+    fn texels(&self) -> usize {
+        self.strata.iter().map(|s| s.seen.len()).sum()
     }
 }
 
@@ -224,7 +253,9 @@ mod tests {
         };
         let never = std::sync::atomic::AtomicBool::new(false);
         let progress = Progress::begin(&crate::progress::Silent, &never, crate::progress::Stage::Audit, 4000);
-        let found = survey(&sampling, off, &progress).unwrap();
+        let mut survey = Survey::new(sampling);
+        survey.run(off, &progress).unwrap();
+        let found = survey.found();
         let truth = 0.1 + 0.9 * 0.01;
         assert!((found.square - truth).abs() < 3.0 * found.doubt, "{found:?}");
         assert!((found.noise / (4.0 / 3.0) - 1.0).abs() < 0.1, "{found:?}");

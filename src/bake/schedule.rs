@@ -4,7 +4,7 @@ use super::Log;
 use super::passes::Pass;
 use crate::audit::Audit;
 use crate::error::Warning;
-use crate::options::{BakeOptions, Effort, ErrorBudget, Errors, Goal, LightOptions};
+use crate::options::{BakeOptions, Effort, ErrorBudget, Errors, Experience, Goal, LightOptions};
 use crate::progress::Stage;
 use crate::text;
 
@@ -56,6 +56,8 @@ pub struct Schedule<'a> {
     /// Seconds of the last audit.
     audit_s: f64,
     last_error: Option<f64>,
+    /// What passes so far tell of the scene.
+    known: Experience,
     idle: usize,
     /// Whether a glance at the whole comes before the work.
     look_first: bool,
@@ -72,6 +74,7 @@ impl<'a> Schedule<'a> {
             before_s: [0.0; 4],
             audit_s: 0.0,
             last_error: None,
+            known: Experience::default(),
             idle: 0,
             look_first,
             warnings: Vec::new(),
@@ -136,10 +139,12 @@ impl<'a> Schedule<'a> {
             self.warnings.extend(coarse_texels(wanted, audit.between_texels));
             return None;
         }
+        self.known.learn(self.effort, &parts_of(&audit));
         let gained = self.last_error.is_none_or(|before| audit.total < WORTHWHILE * before);
         self.idle = if gained { 0 } else { self.idle + 1 };
         self.last_error = Some(audit.total);
-        if self.effort.is_most() || self.idle == MOST_IDLE || self.passes == MOST_PASSES {
+        let out_of_reach = self.effort.beyond_help(&parts_of(&audit)) > wanted;
+        if out_of_reach || self.effort.is_most() || self.idle == MOST_IDLE || self.passes == MOST_PASSES {
             self.warnings.push(Warning::new(
                 "tolerance",
                 format!(
@@ -152,16 +157,8 @@ impl<'a> Schedule<'a> {
         }
         // What the estimate may be off by counts: where it is small enough but not surely, more effort makes it so.
         let surely = if audit.total <= wanted { at_most / audit.total } else { 1.0 };
-        let of = |error: f64| error * surely;
-        let found = Errors {
-            total: of(audit.total),
-            direct: of(audit.direct),
-            solve: of(audit.solve),
-            gather: of(audit.gather),
-            interpolation: of(audit.interpolation),
-        };
         // Estimates err: what helped little may have been too little.
-        self.effort = self.effort.towards(&found, wanted).raised(LEAST_STEP * self.idle as f64);
+        self.effort = self.effort.towards(&self.known, wanted / surely).raised(LEAST_STEP * self.idle as f64);
         Some(self.light())
     }
 
@@ -195,11 +192,17 @@ impl<'a> Schedule<'a> {
     }
 }
 
+fn parts_of(audit: &Audit) -> Errors {
+    let Audit { total, direct, solve, gather, interpolation, .. } = *audit;
+    Errors { total, direct, solve, gather, interpolation }
+}
+
 /// Where texels are too coarse for the tolerance.
 fn coarse_texels(wanted: f64, between_texels: f64) -> Option<Warning> {
     let told = || {
         format!(
-            "the light is off by less than {} at the texels' centres, but by about {} between them: texels are too              few for it; raise --density or --page-size",
+            "the light is off by less than {} at the texels' centres, but by about {} between them: texels are too few \
+             for it; raise --density or --page-size",
             text::percent(wanted),
             text::percent(between_texels),
         )
