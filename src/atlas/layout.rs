@@ -75,6 +75,8 @@ const LARGEST_PAGE: u16 = 16384;
 const PACKS: usize = 9;
 /// A density this many times the one that fills all pages is as good as endless.
 const ABSURD: f64 = 1e6;
+/// More than this an f32 may not hold when the search went up from it.
+const HIGHEST: f64 = f32::MAX as f64 / 2.0;
 /// The search ends when the density is known this well.
 const CLOSE: f64 = 1.01;
 impl Job<'_> {
@@ -289,7 +291,8 @@ impl Job<'_> {
                 self.shapes[part.shapes].charts.iter().map(|c| c.size_m.max_element() * part.factor)
             })
             .fold(0.0, f64::max);
-        let (mut low, mut high) = (0.0, if largest > 0.0 { longest * 16.0 / largest } else { 1.0 });
+        let most = if largest > 0.0 { (longest * 16.0 / largest).min(HIGHEST) } else { 1.0 };
+        let (mut low, mut high) = (0.0, most);
         for _ in 0..50 {
             let middle = 0.5 * (low + high);
             if need(middle) <= room { low = middle } else { high = middle }

@@ -180,6 +180,16 @@ fn slivers_keep_at_least_a_texel() {
 }
 
 #[test]
+fn the_density_of_next_to_nothing_is_a_number() {
+    // Found by fuzzing: 1e-41 m are too small for any texels per metre that an f32 holds.
+    for size in [1e-43, 1e-41, 1e-38, 1e-30] {
+        let speck = flat("speck", &[[Vec3::ZERO, Vec3::X * size, Vec3::Z * size * 100.0]]);
+        let result = atlas(&scene(vec![speck]), Side::Dark, &page(64)).unwrap();
+        assert!(result.density.is_finite() && result.density > 0.0, "{size}: {}", result.density);
+    }
+}
+
+#[test]
 fn size_and_place_of_a_mesh_change_nothing() {
     let charts = |geometry: Geometry| one_page(vec![geometry], 512, 1e-3).charts;
     let expected = charts(ico_sphere(2, 1.0));
