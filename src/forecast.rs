@@ -6,8 +6,11 @@
 //! triangles would tell. How the seconds of a stage divide among its texels, rays and patches is modelled; how
 //! long they are here is measured by the trials.
 
+mod accuracy;
 mod model;
 mod savings;
+
+pub use accuracy::Price;
 
 use crate::atlas::{self, HIDDEN_DENSITY};
 use crate::audit;
@@ -71,12 +74,17 @@ pub struct Forecast {
     pub stages: Vec<(Stage, f64)>,
     /// Most memory, bytes.
     pub memory_bytes: u64,
+    /// What the light will be off by: about; none where nothing is lit. See [`crate::audit`].
+    pub error: Option<f64>,
+    /// What bakes to tolerances will take.
+    pub prices: Vec<Price>,
 }
 
 impl Forecast {
     /// With the seconds that reading the file takes, which whoever has read the scene knows.
     pub fn after_reading(mut self, seconds: f64) -> Self {
         self.stages.insert(0, (Stage::Import, seconds));
+        self.prices.iter_mut().for_each(|price| price.seconds += seconds);
         self
     }
 
@@ -122,15 +130,21 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
         let covered = page_texels * f64::from(atlas.fill);
         let shares =
             TRIALS.iter().find(|(most, _)| covered <= *most).map_or(TRIALS[0].1, |(_, shares)| *shares);
-        let [small, large] = shares.map(|share| trial(scene, options, atlas.density * share, run));
+        let audited = |share: f32| if share == shares[1] { audit_share(options) } else { 0.0 };
+        let [small, large] =
+            shares.map(|share| trial(scene, options, atlas.density * share, audited(share), run));
         let trials = [small?, large?];
-        foresee(&mut foreseen, &trials, covered, page_texels, options);
+        let whole = foresee(&mut foreseen, &trials, covered, page_texels, options);
+        let share = f64::from(trials[1].atlas.density) / f64::from(atlas.density);
+        if let Some(audit) = &trials[1].light.error_parts {
+            accuracy::add(&mut foreseen, audit, share, &whole, options);
+        }
         let counted = Counted {
             scene,
             options,
             proven: &proven,
             trial: &trials[1],
-            share: f64::from(trials[1].atlas.density) / f64::from(atlas.density),
+            share,
             elements: foreseen.elements,
             rays: foreseen.rays,
             hidden_density: HIDDEN_DENSITY * f64::from(atlas.density),
@@ -143,6 +157,15 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
     })?
 }
 
+/// What the stages that send rays have to do in the whole bake.
+struct Whole {
+    loads: [Load; OF_RAYS.len()],
+    /// Seconds here for a second of the model.
+    paces: [f64; OF_RAYS.len()],
+    ran: [bool; OF_RAYS.len()],
+    pace: f64,
+}
+
 /// Carries two trials on to the whole.
 fn foresee(
     foreseen: &mut Forecast,
@@ -150,7 +173,7 @@ fn foresee(
     covered: f64,
     page_texels: f64,
     options: &BakeOptions,
-) {
+) -> Whole {
     let shares =
         [0, 1].map(|k| f64::from(trials[k].atlas.density) / f64::from(foreseen.density_texels_per_m));
     let texels = [0, 1].map(|k| trials[k].elements.len() as f64);
@@ -203,33 +226,57 @@ fn foresee(
         }
     }
     foreseen.stages.push((Stage::Transport, of(1, Stage::Transport).0));
+    let pace = all.of_all();
+    let whole = Whole { loads, paces: speeds.map(|speed| speed.beside(pace)), ran: OF_RAYS.map(ran), pace };
     for (i, stage) in OF_RAYS.into_iter().enumerate().filter(|&(_, stage)| ran(stage)) {
-        foreseen.stages.push((stage, model::seconds(stage, &loads[i]) * speeds[i].beside(all.of_all())));
+        foreseen.stages.push((stage, whole.seconds(i, &loads[i])));
     }
-    let whole = Load { elements, rays: 0.0, patches, page_texels };
     let share = f64::from(options.light.audit_share);
     if share > 0.0 && light_rays > 0.0 {
-        // Where the light needs few rays, its audit needs no more.
-        let rays = (share * light_rays).max(AUDIT_BEYOND * audit::LEAST_RAYS as f64).min(light_rays);
-        let seconds = model::seconds(Stage::Audit, &Load { rays, ..whole });
-        foreseen.stages.push((Stage::Audit, seconds * all.of_all()));
+        let rays = audit_rays(share, light_rays);
+        foreseen.stages.push((Stage::Audit, whole.audit_seconds(rays)));
         foreseen.rays += rays as u64;
     }
+    let rest = Load { elements, rays: 0.0, patches, page_texels };
     for stage in [Stage::Resolve, Stage::Export] {
-        foreseen.stages.push((stage, model::seconds(stage, &whole) * all.of_all()));
+        foreseen.stages.push((stage, model::seconds(stage, &rest) * pace));
     }
     (foreseen.elements, foreseen.patches) = (elements as u64, patches as u64);
+    whole
+}
+
+/// Rays of an audit that gets this share of the light's: where that needs few, its audit needs no more.
+fn audit_rays(share: f64, light_rays: f64) -> f64 {
+    (share * light_rays).max(AUDIT_BEYOND * audit::LEAST_RAYS as f64).min(light_rays)
+}
+
+/// As a bake to be audited would have it.
+fn audit_share(options: &BakeOptions) -> f32 {
+    options.light.audit_share.max(LightOptions::default().audit_share)
+}
+
+impl Whole {
+    /// Seconds of one of [`OF_RAYS`] under a load.
+    fn seconds(&self, stage: usize, load: &Load) -> f64 {
+        model::seconds(OF_RAYS[stage], load) * self.paces[stage]
+    }
+
+    fn audit_seconds(&self, rays: f64) -> f64 {
+        let Load { elements, patches, page_texels, .. } = self.loads[0];
+        model::seconds(Stage::Audit, &Load { elements, rays, patches, page_texels }) * self.pace
+    }
 }
 
 /// A bake at a lower density, with the mean time of every stage of some repetitions.
-fn trial(scene: &Scene, options: &BakeOptions, density: f32, run: &Run) -> Result<Lit> {
+fn trial(scene: &Scene, options: &BakeOptions, density: f32, audit_share: f32, run: &Run) -> Result<Lit> {
     let atlas = AtlasOptions { density: Some(density), ..options.atlas.clone() };
-    let light_options = LightOptions { audit_share: 0.0, ..options.light.clone() };
-    let options = BakeOptions { atlas, light: light_options, goal: Goal::Effort, ..options.clone() };
+    let light_options = LightOptions { audit_share, ..options.light.clone() };
+    let mut options = BakeOptions { atlas, light: light_options, goal: Goal::Effort, ..options.clone() };
     let quiet = Run { observer: &crate::progress::Silent, memory_limit_bytes: None, ..*run };
     let started = (run.clock)();
     let mut lit = light(scene, &options, &quiet)?;
     let mut runs = 1.0;
+    options.light.audit_share = 0.0;
     for _ in 0..REPEATS {
         if (run.clock)() - started < SHORT_SECONDS {
             let again = light(scene, &options, &quiet)?;

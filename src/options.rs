@@ -3,7 +3,7 @@
 mod budget;
 mod effects;
 
-pub use budget::{Effort, ErrorBudget, Errors, Experience};
+pub use budget::{Effort, ErrorBudget, Errors, Experience, growth};
 pub use effects::{Effect, Forced};
 
 use crate::units::Radiance;

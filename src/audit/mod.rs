@@ -38,6 +38,8 @@ const SETTLED: f64 = 0.25;
 const MORE: u64 = 3;
 /// Errors below this share of the mean need not be known better: half floats round by half of it.
 const NEGLIGIBLE: f64 = 1e-3;
+/// A floor further above a square than so many of its standard errors is that of single texels whose witnesses differ wildly.
+const MOST_DOUBT: f64 = 3.0;
 /// Texels of every class to begin with.
 const FIRST: [usize; 3] = [24, 8, 8];
 
@@ -123,13 +125,14 @@ pub fn audit<T: Tracer>(lit: &Lit<T>, wanted: Wanted, progress: &mut Progress) -
         survey.run(|e| off(k, e), progress)?;
     }
     let resolution = wanted.resolution.max(NEGLIGIBLE) * mean;
-    settle(&mut surveys, resolution.powi(2), limit, &off, progress)?;
+    settle(&mut surveys, resolution.powi(2), (MORE * wanted.rays).max(LEAST_RAYS), &off, progress)?;
     let found = |k: usize| surveys.get(k).map(Survey::found).unwrap_or_default();
     let (direct, mut gather, solve) = (found(0), found(1), found(2));
     let mut interpolation = 0.0;
     if let Some(reflections) = &lit.reflections {
         let to_stage = witness::noise_to_stage(reflections.rays);
-        gather.square = gather.square.max(gather.noise * to_stage);
+        let floor = (gather.noise * to_stage).min(gather.square + MOST_DOUBT * gather.doubt);
+        gather.square = gather.square.max(floor);
         let [square, noise] = gather.of_even;
         interpolation = (square - NOISE_LEFT * noise * to_stage).clamp(0.0, gather.square);
     }
@@ -167,7 +170,7 @@ fn settle(
         let rays: u64 = found.iter().map(|found| found.rays).sum();
         let open = (0..surveys.len()).filter(|&k| !surveys[k].spent);
         let most = open.max_by(|&a, &b| found[a].doubt.total_cmp(&found[b].doubt));
-        let Some(k) = most.filter(|_| doubt > SETTLED * square.max(resolution) && rays < MORE * limit) else {
+        let Some(k) = most.filter(|_| doubt > SETTLED * square.max(resolution) && rays < limit) else {
             return Some(());
         };
         surveys[k].round(|e| off(k, e), progress)?;

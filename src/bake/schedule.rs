@@ -4,12 +4,10 @@ use super::Log;
 use super::passes::Pass;
 use crate::audit::Audit;
 use crate::error::Warning;
-use crate::options::{BakeOptions, Effort, ErrorBudget, Errors, Experience, Goal, LightOptions};
+use crate::options::{BakeOptions, Effort, ErrorBudget, Errors, Experience, Goal, LightOptions, growth};
 use crate::progress::Stage;
 use crate::text;
 
-/// A pass to a tolerance begins so many rungs below where it is likely to end: a look costs a fraction of the rest.
-const LOOK_BELOW: f64 = 1.5;
 /// Passes to a tolerance, at the most.
 const MOST_PASSES: usize = 8;
 /// A pass that brings the error below this share of the last one's was worth it.
@@ -24,9 +22,6 @@ const FAR: f64 = 8.0;
 const TRUST: f64 = 0.9;
 /// An audit is given this share of the time that is left, and what the last one took at least.
 const AUDIT_TIME: f64 = 0.07;
-
-/// Above this rung what few probes miss, shadows smaller than a texel, is more than what shadow rays err.
-const REFINED_EVERYWHERE: f64 = 2.0;
 /// Where it decides what comes next, an audit may take this many times what it may otherwise.
 const DECIDING: f64 = 3.0;
 /// A tolerance is reached when the error is below it, and even with what the estimate may be off by below this many times.
@@ -87,18 +82,14 @@ impl<'a> Schedule<'a> {
         match self.options.goal {
             Goal::Effort if !self.draft_first() => return self.options.light.clone(),
             Goal::Effort | Goal::Seconds(_) => {}
-            Goal::Tolerance(wanted) => self.effort = ErrorBudget::new(wanted).effort().raised(-LOOK_BELOW),
+            Goal::Tolerance(wanted) => self.effort = ErrorBudget::new(wanted).first_look(),
         }
         self.light()
     }
 
     /// The settings of the present effort.
     fn light(&self) -> LightOptions {
-        let mut light = self.effort.light(&self.options.light);
-        if self.effort.direct > REFINED_EVERYWHERE {
-            light.direct.probe_rays = 0;
-        }
-        light
+        self.effort.light_of_pass(&self.options.light)
     }
 
     /// The settings of the next pass; `None` when there is to be none.
@@ -178,8 +169,8 @@ impl<'a> Schedule<'a> {
         }
         let took: [f64; 3] = std::array::from_fn(|k| now[k] - self.before_s[k]);
         let predicted = |by: f64| -> f64 {
-            let (from, to) = (self.effort, self.effort.raised(by));
-            took.iter().zip(to.cost_of(from)).map(|(seconds, growth)| seconds * growth).sum()
+            let to = self.effort.raised(by).light_of_pass(&self.options.light);
+            took.iter().zip(growth(&self.light(), &to)).map(|(seconds, growth)| seconds * growth).sum()
         };
         let highest = |limit: f64| {
             let steps = (2..=36).map(|k| f64::from(k) / 4.0);

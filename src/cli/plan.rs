@@ -10,7 +10,7 @@ use lightkiln::bake::Run;
 use lightkiln::forecast::{Forecast, forecast};
 use lightkiln::options::{BakeOptions, Quality};
 use lightkiln::study::{Cell, Row, Sheet};
-use lightkiln::text::{bytes, count, duration, plural, printable, significant};
+use lightkiln::text::{bytes, count, duration, percent, plural, printable, significant};
 use lightkiln::{Error, Result, export, import};
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -123,7 +123,7 @@ fn table(forecast: &Forecast) -> String {
         forecast.stages.iter().map(|(stage, seconds)| format!("{} {}", stage.name(), duration(*seconds)));
     let Forecast { pages, page_size_texels: size, elements, patches, rays, .. } = forecast;
     format!(
-        "{}\n{} of {size} × {size}, {} texels per metre\nabout {} texels, {} patches, {} rays\nabout {} ({})\nabout {} of memory\n",
+        "{}\n{} of {size} × {size}, {} texels per metre\nabout {} texels, {} patches, {} rays\nabout {} ({})\nabout {} of memory\n{}",
         sheet.screen(terminal_width()),
         plural((*pages).into(), "page"),
         significant(forecast.density_texels_per_m.into()),
@@ -133,5 +133,17 @@ fn table(forecast: &Forecast) -> String {
         duration(forecast.seconds()),
         stages.collect::<Vec<_>>().join(", "),
         bytes(forecast.memory_bytes),
+        accuracy(forecast),
     )
+}
+
+/// What the light will be off by, and what other errors cost.
+fn accuracy(forecast: &Forecast) -> String {
+    let Some(error) = forecast.error else { return String::new() };
+    let prices = forecast.prices.iter().map(|price| {
+        let cost = if price.within_reach { duration(price.seconds) } else { "out of reach".to_owned() };
+        format!("{} {cost}", percent(price.error))
+    });
+    let prices = prices.collect::<Vec<_>>().join(", ");
+    format!("error about {} of the mean light; with --tolerance {prices}\n", percent(error))
 }

@@ -23,6 +23,14 @@ const AIM: f64 = 0.75;
 /// A smaller step up is not worth doing a stage again.
 const LEAST_STEP: f64 = 0.25;
 
+/// A pass to a tolerance begins so many rungs below where it is likely to end.
+const LOOK_BELOW: f64 = 1.5;
+/// Above this rung what few probes miss, shadows smaller than a texel, is more than what shadow rays err: passes to a goal
+/// refine every texel.
+const REFINED_EVERYWHERE: f64 = 2.0;
+/// The share of texels that a shadow border passes, about.
+const BORDERS: f64 = 0.12;
+
 /// Probe and shadow rays.
 const DIRECT: [[f64; 2]; RUNGS] = [[4.0, 16.0], [6.0, 32.0], [8.0, 64.0], [16.0, 128.0], [16.0, 256.0]];
 /// Patches, and rays of each: a texel in a corner sees little but one patch, and with it that patch's noise. Where patches
@@ -82,6 +90,11 @@ impl ErrorBudget {
     /// What a level usually errs.
     pub fn of(quality: Quality) -> Self {
         Self::new(USUAL[quality as usize])
+    }
+
+    /// Where the passes to it begin: a look costs a fraction of the rest.
+    pub fn first_look(&self) -> Effort {
+        self.effort().raised(-LOOK_BELOW)
     }
 
     /// The places where stages usually err as much.
@@ -144,18 +157,26 @@ impl Effort {
         }
     }
 
-    /// How many times more than at `from` direct light, coarse solution and gather usually take.
-    pub fn cost_of(&self, from: Self) -> [f64; 3] {
-        let at = |effort: &Self| {
-            let [probe, shadow] = between(&DIRECT, effort.direct);
-            let [patches, rays_per_patch] = between(&SOLVE, effort.solve);
-            let ([rays], [tolerance]) = (between(&GATHER, effort.gather), between(&NODES, effort.nodes));
-            // A shadow border passes about every eighth texel. Nodes stand as far apart as the root of the tolerance
-            // allows for a bend, and along edges they do not thin out: between -1/2 and -1 by power.
-            [probe + 0.12 * shadow, patches * rays_per_patch, rays * tolerance.powf(-0.6)]
-        };
-        let (to, from) = (at(self), at(&from));
-        std::array::from_fn(|k| to[k] / from[k])
+    /// The settings of a pass to a goal.
+    pub fn light_of_pass(&self, base: &LightOptions) -> LightOptions {
+        let mut light = self.light(base);
+        if self.direct > REFINED_EVERYWHERE {
+            light.direct.probe_rays = 0;
+        }
+        light
+    }
+
+    /// The places where settings stand.
+    pub fn of(light: &LightOptions) -> Self {
+        let tolerance =
+            if light.gather.tolerance > 0.0 { light.gather.tolerance } else { NODES[RUNGS - 1][0] as f32 };
+        Self {
+            direct: place_of(&DIRECT, 1, f64::from(light.direct.penumbra_rays)),
+            solve: place_of(&SOLVE, 0, f64::from(light.solve.patches)),
+            gather: place_of(&GATHER, 0, f64::from(light.gather.rays)),
+            nodes: place_of(&NODES, 0, f64::from(tolerance)),
+        }
+        .within_reach()
     }
 
     /// Where to go from here to be off by no more than `wanted` in all. What a stage does not need of its share is left to
@@ -206,6 +227,9 @@ pub struct Experience {
     looks: f64,
 }
 
+/// An error of this many times a tolerance surely needs no other pass, or surely does.
+const UNSURE: [f64; 2] = [0.7, 1.3];
+
 /// What is usual counts as this part of a look.
 const USUAL_LOOKS: f64 = 0.3;
 
@@ -216,6 +240,13 @@ impl Default for Experience {
 }
 
 impl Experience {
+    /// Of one look alone.
+    pub fn of(at: Effort, found: &Errors) -> Self {
+        let mut known = Self { ratios: [0.0; PARTS], looks: 0.0 };
+        known.learn(at, found);
+        known
+    }
+
     /// Adds what was found at a place.
     pub fn learn(&mut self, at: Effort, found: &Errors) {
         let (usual, found) = (usual_squares(at), found.parts());
@@ -223,6 +254,21 @@ impl Experience {
             self.ratios[k] += found[k].powi(2) / usual[k];
         }
         self.looks += 1.0;
+    }
+
+    /// The error that is to be expected at a place.
+    pub fn error(&self, at: Effort) -> f64 {
+        self.squares(at).iter().sum::<f64>().sqrt()
+    }
+
+    /// The passes that a tolerance is likely to take, each with how likely it is to be taken; and whether the tolerance is
+    /// likely to be reached.
+    pub fn passes_to(&self, wanted: f64) -> ([(Effort, f64); 2], bool) {
+        let first = ErrorBudget::new(wanted).first_look();
+        // Estimates are off by up to a third.
+        let [surely_not, surely] = UNSURE.map(|times| times * wanted);
+        let second = ((self.error(first) - surely_not) / (surely - surely_not)).clamp(0.0, 1.0);
+        ([(first, 1.0), (first.towards(self, wanted), second)], self.error(MOST) <= wanted)
     }
 
     /// Mean squares that are to be expected at a place.
@@ -235,6 +281,36 @@ impl Experience {
 fn usual_squares(at: Effort) -> [f64; PARTS] {
     let places = at.parts();
     std::array::from_fn(|k| SHARES[k] * usual(places[k]).powi(2))
+}
+
+/// How many times more direct light, coarse solution and gather usually take with one set of options than with another.
+pub fn growth(from: &LightOptions, to: &LightOptions) -> [f64; 3] {
+    let work = |light: &LightOptions| {
+        let LightOptions { direct, solve, gather, .. } = light;
+        let shadow = f64::from(direct.penumbra_rays);
+        let direct = match direct.probe_rays {
+            0 => shadow,
+            probe => f64::from(probe) + BORDERS * shadow,
+        };
+        // Nodes stand as far apart as the root of the tolerance allows for a bend, and along edges they do not thin out:
+        // between -1/2 and -1 by power.
+        // Gathers at every texel are about as many as the last rung's.
+        let tolerance =
+            if gather.tolerance > 0.0 { f64::from(gather.tolerance) } else { NODES[RUNGS - 1][0] };
+        let solve = f64::from(solve.patches) * f64::from(solve.rays_per_patch);
+        [direct, solve, f64::from(gather.rays) * tolerance.powf(-0.6)]
+    };
+    let (to, from) = (work(to), work(from));
+    std::array::from_fn(|k| to[k] / from[k])
+}
+
+/// The place on a ladder where one of its columns has this value.
+fn place_of<const N: usize>(rungs: &[[f64; N]; RUNGS], column: usize, value: f64) -> f64 {
+    let at = rungs.map(|rung| rung[column]);
+    let rises = at[RUNGS - 1] > at[0];
+    let below =
+        (0..RUNGS - 2).find(|&k| (value < at[k + 1]) == rises && value != at[k + 1]).unwrap_or(RUNGS - 2);
+    below as f64 + (value / at[below]).ln() / (at[below + 1] / at[below]).ln()
 }
 
 /// A row of a ladder at a place: between its rungs, and beyond the last, in equal ratios.
@@ -286,8 +362,8 @@ mod tests {
         for quality in [Quality::Draft, Quality::Preview, Quality::Good, Quality::High, Quality::Reference] {
             let effort = ErrorBudget::of(quality).effort();
             let level = quality as usize as f64;
-            for place in effort.parts() {
-                assert!((place - level).abs() < 1e-9, "{quality:?}: {effort:?}");
+            for place in effort.parts().into_iter().chain(Effort::of(&quality.light()).parts()) {
+                assert!((place - level).abs() < 1e-6, "{quality:?}: {effort:?}");
             }
         }
     }

@@ -5,7 +5,7 @@ use crate::{changes_nothing, finding, planned};
 use lightkiln::bake::Run;
 use lightkiln::forecast::forecast;
 use lightkiln::import;
-use lightkiln::options::{Effect, ImportOptions, Quality};
+use lightkiln::options::{BakeOptions, Effect, Goal, ImportOptions, Quality};
 use lightkiln::plan::Amount;
 use lightkiln::scene::Scene;
 use std::path::PathBuf;
@@ -38,6 +38,40 @@ fn forecasts_count_texels() {
         let (told, sent) = (foreseen.rays as f64, lit.light.rays as f64);
         assert!((0.5..2.0).contains(&(told / sent)), "{name}: {told} rays foreseen, {sent} sent");
     }
+}
+
+/// Errors below this share of the mean are told as they come.
+const NOTHING: f64 = 1e-3;
+
+/// Errors within a factor of 2.5 (what smaller texels change is a guess); the rays of a tolerance within 2 mostly and within 4
+/// always, as a tolerance may be met by one pass or take another.
+#[test]
+fn what_accuracy_costs_is_foretold() {
+    let within = |told: f64, found: f64, factor: f64| told <= factor * found && found <= factor * told;
+    let mut near = Vec::new();
+    for (name, scene) in fixtures() {
+        let options = options(Quality::Good, 256);
+        let foreseen = forecast(&scene, &options, &Run::default()).expect("it can be foreseen");
+        let told = foreseen.error.expect("none of them is dark");
+        let lit = lightkiln::bake::light(&scene, &options, &Run::default()).expect("it can be baked");
+        let found = lit.light.estimated_error.expect("it is audited");
+        let close = within(told, found, 2.5) || told.max(found) < NOTHING;
+        assert!(close, "{name}: an error of {told:.5} foretold, {found:.5} found");
+        for price in foreseen.prices.iter().filter(|price| price.error < 0.03 && price.error > 0.006) {
+            let goal = BakeOptions { goal: Goal::Tolerance(price.error), ..options.clone() };
+            let lit = lightkiln::bake::light(&scene, &goal, &Run::default()).expect("it can be baked");
+            let (told, sent) = (price.rays as f64, lit.light.rays as f64);
+            assert!(price.within_reach, "{name}: {price:?}");
+            assert!(within(told, sent, 4.0), "{name}: {price:?}, but {sent} rays sent");
+            near.push(within(told, sent, 2.0));
+        }
+        assert!(
+            foreseen.prices.windows(2).all(|pair| pair[0].seconds <= pair[1].seconds),
+            "{name}: {foreseen:?}"
+        );
+    }
+    let share = near.iter().filter(|near| **near).count() as f64 / near.len() as f64;
+    assert!(share >= 0.8, "{share} of the prices were right within a factor of two");
 }
 
 /// And changes nothing.
