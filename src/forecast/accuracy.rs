@@ -29,17 +29,15 @@ pub struct Price {
 
 /// Adds the error and the prices of others; `share`: density of the audited trial over that of the bake.
 pub(super) fn add(foreseen: &mut Forecast, audit: &Audit, share: f64, whole: &Whole, options: &BakeOptions) {
-    // Where light is smooth, smaller texels change nothing; borders pass fewer of them, so their mean square falls with the
-    // density. Between the two: by its root.
-    let carried = |error: f64| error * share.powf(0.25);
-    let found = Errors {
-        total: carried(audit.total),
-        direct: carried(audit.direct),
-        solve: carried(audit.solve),
-        gather: carried(audit.gather),
-        interpolation: carried(audit.interpolation),
-    };
-    foreseen.error = Some(found.total);
+    // A shadow border passes a share of the texels that falls with the density, and with it the mean square. Where light is
+    // smooth, smaller texels change nothing, and at contacts as much as at borders: between the two, by the root.
+    let (border, smooth) = (share.powf(0.5), share.powf(0.25));
+    let parts =
+        [audit.direct * border, audit.solve * smooth, audit.gather * smooth, audit.interpolation * smooth];
+    let total = parts.map(|part| part * part).iter().sum::<f64>().sqrt();
+    let [direct, solve, gather, interpolation] = parts;
+    let found = Errors { total, direct, solve, gather, interpolation };
+    foreseen.error = Some(total);
     let known = Experience::of(Effort::of(&options.light), &found);
     let of_light = |stage: &Stage| GROWING.contains(stage) || *stage == Stage::Audit;
     let rest: f64 = foreseen.stages.iter().filter(|(stage, _)| !of_light(stage)).map(|(_, s)| s).sum();

@@ -140,15 +140,14 @@ pub(super) fn findings(facts: &Facts, wanted: &Forced) -> Vec<Finding> {
         let forceable = can_be_forced(facts, effect, called);
         let forced = forceable && wanted.has(effect);
         let on = called || forced;
-        // Shadows are on for some texels and left out for others.
-        let can_be_forced = forceable && !forced && (!on || effect == Effect::Shadows);
-        let what = match (on, can_be_forced) {
-            (true, true) => PARTLY_SAVED.to_owned(),
-            (true, false) => String::new(),
+        let what = match (on, forced) {
+            // For some texels they are left out; for how many, a bake finds as it goes.
+            (true, false) if forceable && effect == Effect::Shadows => PARTLY_SAVED.to_owned(),
+            (true, _) => String::new(),
             (false, _) => saved(facts, effect).to_owned(),
         };
         let saving = Saving { what, amounts: Vec::new() };
-        Finding { effect, on, forced, can_be_forced, reason, evidence, saving }
+        Finding { effect, on, forced, can_be_forced: forceable && !on, reason, evidence, saving }
     };
     Effect::ALL.into_iter().map(finding).collect()
 }
