@@ -18,7 +18,7 @@ import matplotlib
 
 matplotlib.use("Agg")
 from matplotlib import pyplot
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 ASKED = [0.05, 0.02, 0.01, 0.005]
 OTHERS = {"Cycles": ("^", "tab:gray"), "Cycles + OpenImageDenoise": ("s", "tab:olive")}
@@ -83,6 +83,7 @@ def draw(plot, name, rows):
     plot.set(xlabel="seconds", title=name)
     for axis in (plot.xaxis, plot.yaxis):
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
     plot.grid(True, which="both", alpha=0.25)
 
 
