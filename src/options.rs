@@ -2,9 +2,11 @@
 
 mod budget;
 mod effects;
+mod experience;
 
-pub use budget::{Effort, ErrorBudget, Errors, Experience, growth};
+pub use budget::{Effort, ErrorBudget, Errors, growth};
 pub use effects::{Effect, Forced};
+pub use experience::Experience;
 
 use crate::units::Radiance;
 use std::path::PathBuf;

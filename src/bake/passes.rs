@@ -118,13 +118,17 @@ impl<T: Tracer> Ground<'_, T> {
         if let Some(last) = last.filter(|_| log.cut()) {
             return Ok(Pass { whole: false, ..last.clone() });
         }
+        // What shadow borders are off by hardly shows in light that bounces, and the audit sees what does.
+        let kept =
+            last.filter(|last| (&last.effort.solve, &last.effort.gather) == (&effort.solve, &effort.gather));
         let faint = Faint::new(elements, emitters, &direct, effort.seed);
-        let reflected = if plan.work.gather || faint.is_some() {
+        let reflected = if let Some(last) = kept {
+            last.reflected.clone()
+        } else if plan.work.gather || faint.is_some() {
             let around = Around { scene, plan, atlas, elements, lookup: lookup(), tracer };
             let from = Straight { direct: &direct, faint: faint.as_ref(), sky };
-            let same = |last: &Pass| last.effort.solve == effort.solve;
-            let solved = match known.filter(|last| same(last)).and_then(|last| last.reflected.solved.clone())
-            {
+            let same = |last: &&Pass| last.effort.solve == effort.solve;
+            let solved = match known.filter(same).and_then(|last| last.reflected.solved.clone()) {
                 Some(solved) => solved,
                 None => Arc::new(around.solve(&from, effort, log)?),
             };
@@ -132,17 +136,6 @@ impl<T: Tracer> Ground<'_, T> {
                 return Ok(Pass { whole: false, ..last.clone() });
             }
             let before = last.map(|last| &last.reflected);
-            // What shadow borders are off by hardly shows in light that bounces, and the audit sees what does.
-            if let Some(last) = last.filter(|last| same(last) && last.effort.gather == effort.gather) {
-                let reflected = last.reflected.clone();
-                return Ok(Pass {
-                    effort: effort.clone(),
-                    direct,
-                    reflected,
-                    audit: None,
-                    whole: !log.cut(),
-                });
-            }
             let unshot_fraction = solved.coarse.unshot_fraction;
             let show = |indirect: &[Irradiance]| {
                 if let Some(snapshots) = snapshots {

@@ -5,19 +5,20 @@
 //! levels; what a rung usually errs was measured on the fixtures, and only says where to begin: a bake to a tolerance
 //! measures, and goes on from there.
 
+use super::experience::Experience;
 use super::{DirectOptions, GatherOptions, LightOptions, Quality, SolveOptions};
 
 /// What the rungs usually err, as a share of the mean light: `study accuracy`, fixtures at 256².
 const USUAL: [f64; RUNGS] = [0.030, 0.021, 0.014, 0.006, 0.0026];
 const RUNGS: usize = 5;
 /// The highest places: there shadow rays, patches and gather rays are as many as is of any use.
-const MOST: Effort = Effort { direct: 7.0, solve: 5.0, gather: 6.5, nodes: 6.5 };
+pub(super) const MOST: Effort = Effort { direct: 7.0, solve: 5.0, gather: 6.5, nodes: 6.5 };
 
 /// Shares of the mean square that may be off, in the order of [`Effort`]'s parts. What a part costs falls with a power a of
 /// its mean square, and all together cost least where shares are as a times what the part costs: gathers cost most, by
 /// their rays (a = 1/1.2) and by their nodes (a about 0.4).
-const SHARES: [f64; PARTS] = [0.25, 0.15, 0.4, 0.2];
-const PARTS: usize = 4;
+pub(super) const SHARES: [f64; PARTS] = [0.25, 0.15, 0.4, 0.2];
+pub(super) const PARTS: usize = 4;
 /// Estimates are off themselves, so a little less than what is allowed is aimed at.
 const AIM: f64 = 0.75;
 /// A smaller step up is not worth doing a stage again.
@@ -83,7 +84,7 @@ impl ErrorBudget {
         Self { total, direct, solve, gather, interpolation }
     }
 
-    fn parts(&self) -> [f64; PARTS] {
+    pub(super) fn parts(&self) -> [f64; PARTS] {
         [self.direct, self.solve, self.gather, self.interpolation]
     }
 
@@ -114,7 +115,7 @@ impl Effort {
         Self { direct, solve, gather, nodes }
     }
 
-    fn parts(&self) -> [f64; PARTS] {
+    pub(super) fn parts(&self) -> [f64; PARTS] {
         [self.direct, self.solve, self.gather, self.nodes]
     }
 
@@ -168,13 +169,11 @@ impl Effort {
 
     /// The places where settings stand.
     pub fn of(light: &LightOptions) -> Self {
-        let tolerance =
-            if light.gather.tolerance > 0.0 { light.gather.tolerance } else { NODES[RUNGS - 1][0] as f32 };
         Self {
             direct: place_of(&DIRECT, 1, f64::from(light.direct.penumbra_rays)),
             solve: place_of(&SOLVE, 0, f64::from(light.solve.patches)),
             gather: place_of(&GATHER, 0, f64::from(light.gather.rays)),
-            nodes: place_of(&NODES, 0, f64::from(tolerance)),
+            nodes: place_of(&NODES, 0, node_tolerance(&light.gather)),
         }
         .within_reach()
     }
@@ -218,71 +217,6 @@ impl Effort {
     }
 }
 
-/// How many times as much as usual, in the mean square, each part errs in a scene. One look at few texels tells that badly, and
-/// whoever follows it does too little where it happened to see too little: so looks are pooled, and what is usual counts as a
-/// part of one.
-#[derive(Clone, Copy, Debug)]
-pub struct Experience {
-    ratios: [f64; PARTS],
-    looks: f64,
-}
-
-/// An error of this many times a tolerance surely needs no other pass, or surely does.
-const UNSURE: [f64; 2] = [0.7, 1.3];
-
-/// What is usual counts as this part of a look.
-const USUAL_LOOKS: f64 = 0.3;
-
-impl Default for Experience {
-    fn default() -> Self {
-        Self { ratios: [USUAL_LOOKS; PARTS], looks: USUAL_LOOKS }
-    }
-}
-
-impl Experience {
-    /// Of one look alone.
-    pub fn of(at: Effort, found: &Errors) -> Self {
-        let mut known = Self { ratios: [0.0; PARTS], looks: 0.0 };
-        known.learn(at, found);
-        known
-    }
-
-    /// Adds what was found at a place.
-    pub fn learn(&mut self, at: Effort, found: &Errors) {
-        let (usual, found) = (usual_squares(at), found.parts());
-        for k in 0..PARTS {
-            self.ratios[k] += found[k].powi(2) / usual[k];
-        }
-        self.looks += 1.0;
-    }
-
-    /// The error that is to be expected at a place.
-    pub fn error(&self, at: Effort) -> f64 {
-        self.squares(at).iter().sum::<f64>().sqrt()
-    }
-
-    /// The passes that a tolerance is likely to take, each with how likely it is to be taken; and whether the tolerance is
-    /// likely to be reached.
-    pub fn passes_to(&self, wanted: f64) -> ([(Effort, f64); 2], bool) {
-        let first = ErrorBudget::new(wanted).first_look();
-        // Estimates are off by up to a third.
-        let [surely_not, surely] = UNSURE.map(|times| times * wanted);
-        let second = ((self.error(first) - surely_not) / (surely - surely_not)).clamp(0.0, 1.0);
-        ([(first, 1.0), (first.towards(self, wanted), second)], self.error(MOST) <= wanted)
-    }
-
-    /// Mean squares that are to be expected at a place.
-    fn squares(&self, at: Effort) -> [f64; PARTS] {
-        let usual = usual_squares(at);
-        std::array::from_fn(|k| usual[k] * self.ratios[k] / self.looks)
-    }
-}
-
-fn usual_squares(at: Effort) -> [f64; PARTS] {
-    let places = at.parts();
-    std::array::from_fn(|k| SHARES[k] * usual(places[k]).powi(2))
-}
-
 /// How many times more direct light, coarse solution and gather usually take with one set of options than with another.
 pub fn growth(from: &LightOptions, to: &LightOptions) -> [f64; 3] {
     let work = |light: &LightOptions| {
@@ -292,16 +226,18 @@ pub fn growth(from: &LightOptions, to: &LightOptions) -> [f64; 3] {
             0 => shadow,
             probe => f64::from(probe) + BORDERS * shadow,
         };
+        let solve = f64::from(solve.patches) * f64::from(solve.rays_per_patch);
         // Nodes stand as far apart as the root of the tolerance allows for a bend, and along edges they do not thin out:
         // between -1/2 and -1 by power.
-        // Gathers at every texel are about as many as the last rung's.
-        let tolerance =
-            if gather.tolerance > 0.0 { f64::from(gather.tolerance) } else { NODES[RUNGS - 1][0] };
-        let solve = f64::from(solve.patches) * f64::from(solve.rays_per_patch);
-        [direct, solve, f64::from(gather.rays) * tolerance.powf(-0.6)]
+        [direct, solve, f64::from(gather.rays) * node_tolerance(gather).powf(-0.6)]
     };
     let (to, from) = (work(to), work(from));
     std::array::from_fn(|k| to[k] / from[k])
+}
+
+/// The difference of nodes that is interpolated over; gathers at every texel are about as many as the last rung's.
+fn node_tolerance(gather: &GatherOptions) -> f64 {
+    if gather.tolerance > 0.0 { f64::from(gather.tolerance) } else { NODES[RUNGS - 1][0] }
 }
 
 /// The place on a ladder where one of its columns has this value.
@@ -324,7 +260,7 @@ fn between<const N: usize>(rungs: &[[f64; N]; RUNGS], place: f64) -> [f64; N] {
 }
 
 /// What a place usually errs.
-fn usual(place: f64) -> f64 {
+pub(super) fn usual(place: f64) -> f64 {
     between(&USUAL.map(|error| [error]), place)[0]
 }
 
@@ -410,20 +346,6 @@ mod tests {
         let to = from.towards(&known, 0.01);
         assert!(to.parts().iter().all(|&place| place > 2.0));
         assert!(from.towards(&known, 1e-12).is_most());
-    }
-
-    #[test]
-    fn one_look_does_not_tell_everything() {
-        let from = Effort::all(1.0);
-        let nothing = Errors { total: 0.0, direct: 0.0, solve: 0.0, gather: 0.0, interpolation: 0.0 };
-        let mut known = Experience::default();
-        let of_usual = |known: &Experience| -> [f64; PARTS] {
-            std::array::from_fn(|k| known.squares(from)[k] / usual_squares(from)[k])
-        };
-        assert!(of_usual(&known).iter().all(|ratio| (ratio - 1.0).abs() < 1e-12));
-        known.learn(from, &nothing);
-        let left = USUAL_LOOKS / (1.0 + USUAL_LOOKS);
-        assert!(of_usual(&known).iter().all(|ratio| (ratio - left).abs() < 1e-12));
     }
 
     #[test]
