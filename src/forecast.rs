@@ -130,10 +130,10 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
         let covered = page_texels * f64::from(atlas.fill);
         let shares =
             TRIALS.iter().find(|(most, _)| covered <= *most).map_or(TRIALS[0].1, |(_, shares)| *shares);
-        let audited = |share: f32| if share == shares[1] { audit_share(options) } else { 0.0 };
-        let [small, large] =
-            shares.map(|share| trial(scene, options, atlas.density * share, audited(share), run));
-        let trials = [small?, large?];
+        // The larger one also tells the error.
+        let audited = options.light.least_audit_share();
+        let [small, large] = shares.map(|share| atlas.density * share);
+        let trials = [trial(scene, options, small, 0.0, run)?, trial(scene, options, large, audited, run)?];
         let whole = foresee(&mut foreseen, &trials, covered, page_texels, options);
         let share = f64::from(trials[1].atlas.density) / f64::from(atlas.density);
         if let Some(audit) = &trials[1].light.error_parts {
@@ -248,11 +248,6 @@ fn foresee(
 /// Rays of an audit that gets this share of the light's: where that needs few, its audit needs no more.
 fn audit_rays(share: f64, light_rays: f64) -> f64 {
     (share * light_rays).max(AUDIT_BEYOND * audit::LEAST_RAYS as f64).min(light_rays)
-}
-
-/// As a bake to be audited would have it.
-fn audit_share(options: &BakeOptions) -> f32 {
-    options.light.audit_share.max(LightOptions::default().audit_share)
 }
 
 impl Whole {

@@ -138,6 +138,13 @@ pub struct LightOptions {
     pub audit_share: f32,
 }
 
+impl LightOptions {
+    /// The share of an audit that must be, whether one was asked for or not.
+    pub(crate) fn least_audit_share(&self) -> f32 {
+        self.audit_share.max(AUDIT_SHARE)
+    }
+}
+
 /// What an audit costs where nobody says anything.
 const AUDIT_SHARE: f32 = 0.06;
 

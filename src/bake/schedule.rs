@@ -30,10 +30,7 @@ const SURELY: f64 = 1.25;
 /// What audits may cost, as a share of the rays, and the error that they must tell from nothing.
 pub fn audit(options: &BakeOptions) -> (f64, f64) {
     match options.goal {
-        Goal::Tolerance(wanted) => {
-            let share = options.light.audit_share.max(LightOptions::default().audit_share);
-            (DECIDING * f64::from(share), wanted)
-        }
+        Goal::Tolerance(wanted) => (DECIDING * f64::from(options.light.least_audit_share()), wanted),
         Goal::Effort | Goal::Seconds(_) => (f64::from(options.light.audit_share), 0.0),
     }
 }

@@ -13,7 +13,7 @@ use std::io::{BufReader, Error, ErrorKind, Read as _, Result};
 use std::path::{Component, Path, PathBuf};
 
 /// What a journal's name ends with, in place of a temporary file's ending.
-const EXTENSION: &str = "journal";
+const SUFFIX: &str = ".journal";
 
 /// More is no journal: ten thousand files of long names take less.
 const MOST_BYTES: u64 = 1 << 24;
@@ -119,7 +119,7 @@ impl Journal {
         let mut file = temporary::file_in(&moves.folder)?;
         serde_json::to_writer(&mut file, &moves.list)?;
         file.as_file().sync_all()?;
-        let path = file.path().with_extension(EXTENSION);
+        let path = file.path().with_extension(SUFFIX.trim_start_matches('.'));
         let held = file.persist(&path).map_err(|failed| failed.error)?;
         moves.sync();
         Ok(Self { path, _held: held })
@@ -133,24 +133,14 @@ impl Journal {
 
 /// Ends what killed runs began in this folder. What cannot be ended stays, and nothing temporary is to be removed there.
 pub(super) fn settle(folder: &Path) {
-    for path in journals(folder) {
+    for path in temporary::named(folder, SUFFIX) {
         let _ = settle_one(folder, &path);
     }
 }
 
 /// Whether moves in this folder are under way, or could not be ended.
 pub(super) fn unsettled(folder: &Path) -> bool {
-    journals(folder).next().is_some()
-}
-
-fn journals(folder: &Path) -> impl Iterator<Item = PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    // Not what a link or a pipe of such a name leads to.
-    let files = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_file()));
-    files.map(|entry| entry.path()).filter(|path| {
-        let ours = |name: &OsStr| name.to_str().is_some_and(|name| name.starts_with(TEMPORARY_PREFIX));
-        path.extension().is_some_and(|extension| extension == EXTENSION) && path.file_name().is_some_and(ours)
-    })
+    temporary::named(folder, SUFFIX).next().is_some()
 }
 
 fn settle_one(folder: &Path, path: &Path) -> Result<()> {

@@ -5,9 +5,9 @@
 //! any other.
 
 use super::journal;
-use std::fs::{File, TryLockError};
+use std::fs::{DirEntry, File, TryLockError};
 use std::io::{Error, ErrorKind, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
 /// What every temporary name begins with, so that leftovers of a killed run can be told.
@@ -39,22 +39,24 @@ pub(super) fn file_in(folder: &Path) -> Result<NamedTempFile> {
 /// cannot be removed stays: it is in nobody's way.
 pub(super) fn sweep(folder: &Path) {
     journal::settle(folder);
-    let Ok(entries) = std::fs::read_dir(folder) else { return };
-    for entry in entries.flatten() {
-        let name = entry.file_name();
-        let ours =
-            name.to_str().is_some_and(|name| name.starts_with(TEMPORARY_PREFIX) && name.ends_with(SUFFIX));
-        // Not what a link or a pipe of such a name leads to.
-        if !ours || !entry.file_type().is_ok_and(|kind| kind.is_file()) {
-            continue;
-        }
-        let path = entry.path();
+    for path in named(folder, SUFFIX) {
         let Ok(file) = File::open(&path) else { continue };
         // A journal is looked for when the lock is had: who held it may have died over its renames just now.
         if file.try_lock().is_ok() && !journal::unsettled(folder) {
             let _ = std::fs::remove_file(&path);
         }
     }
+}
+
+/// The files in `folder` whose names are ours and end so; not what a link or a pipe of such a name leads to.
+pub(super) fn named(folder: &Path, suffix: &str) -> impl Iterator<Item = PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let ours = move |entry: &DirEntry| {
+        let name = entry.file_name();
+        name.to_str().is_some_and(|name| name.starts_with(TEMPORARY_PREFIX) && name.ends_with(suffix))
+            && entry.file_type().is_ok_and(|kind| kind.is_file())
+    };
+    entries.filter(ours).map(|entry| entry.path())
 }
 
 #[cfg(test)]
