@@ -5,6 +5,7 @@ mod output;
 mod passes;
 mod reflect;
 mod schedule;
+mod sizing;
 mod snapshots;
 
 use crate::atlas::{self, Atlas};
@@ -199,6 +200,11 @@ pub fn light(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Lit> {
     })?
 }
 
+/// The options with the width of pages that follows from the error between texels; as they are where none was given.
+pub fn sized(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<BakeOptions> {
+    in_pool(run.threads, || sizing::sized(scene, options, &mut Log::new(run)))?
+}
+
 /// What the plan is made for.
 pub fn wanted(options: &BakeOptions) -> Wanted {
     Wanted {
@@ -213,6 +219,8 @@ fn light_into(
     log: &mut Log,
     snapshots: Option<&Snapshots>,
 ) -> Result<Lit> {
+    let given = options;
+    let options = &sizing::sized(scene, given, log)?;
     let plan = log.stage(Stage::Plan, 1, |_| Ok((plan::plan(scene, &wanted(options)), 0)))?;
     let geometries = scene.geometries.len() as u64;
     let atlas = log.stage(Stage::Atlas, geometries, |progress| {
@@ -225,7 +233,9 @@ fn light_into(
     let blocking = if plan.work.tinted { Blocking::Tinted } else { world.blocking() };
     let tracer = AnyTracer::new(blocking, &world, scene);
     let lit = with_tracer!(tracer, tracer => shine(scene, plan, atlas, tracer, options, log, snapshots))?;
-    Ok(Lit { predicted_memory_bytes, ..lit })
+    let coarse = sizing::too_coarse(given, &lit.light);
+    let warnings = lit.warnings.into_iter().chain(coarse).collect();
+    Ok(Lit { predicted_memory_bytes, warnings, ..lit })
 }
 
 /// The stages that send rays, compiled once for each kind of tracer.

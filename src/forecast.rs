@@ -14,7 +14,7 @@ pub use accuracy::Price;
 
 use crate::atlas::{self, HIDDEN_DENSITY};
 use crate::audit;
-use crate::bake::{Lit, Run, in_pool, light, wanted};
+use crate::bake::{Lit, Run, in_pool, light, sized, wanted};
 use crate::error::Result;
 use crate::memory;
 use crate::options::{AtlasOptions, BakeOptions, Goal, LightOptions};
@@ -103,6 +103,9 @@ impl Forecast {
 /// bake, up to half of a small one, and as long for texture space as the bake does.
 pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forecast> {
     in_pool(run.threads, || {
+        let begun = (run.clock)();
+        let sizing = options.atlas.between_texels.is_some();
+        let options = &sized(scene, options, run)?;
         let started = (run.clock)();
         let wanted = wanted(options);
         let proven = Proven::new(scene, wanted.direct_alone);
@@ -119,7 +122,14 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
             page_size_texels: exported().map(|page| page.size_texels).max().unwrap_or(0),
             density_texels_per_m: atlas.density,
             memory_bytes: memory::predict_planned(scene, &atlas, &plan, options.light.solve.patches),
-            stages: vec![(Stage::Plan, planned - started), (Stage::Atlas, unwrapped - planned)],
+            stages: [
+                (Stage::Sizing, started - begun),
+                (Stage::Plan, planned - started),
+                (Stage::Atlas, unwrapped - planned),
+            ]
+            .into_iter()
+            .filter(|(stage, _)| sizing || *stage != Stage::Sizing)
+            .collect(),
             effects: plan.effects,
             ..Forecast::default()
         };

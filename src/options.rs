@@ -95,8 +95,11 @@ pub struct ImportOptions {
 pub struct AtlasOptions {
     /// Texels per metre; when absent, chosen so that one page is well filled.
     pub density: Option<f32>,
-    /// Width and height of a page, texels.
+    /// Width and height of a page, texels; the most where `between_texels` says how wide.
     pub page_size: u32,
+    /// What lookups between texels may be off by, as a share of the mean light: pages are then as narrow as that allows.
+    /// Not together with a density.
+    pub between_texels: Option<f64>,
     /// The most pages that may be written; when the density wants more, it is lowered with a warning.
     pub max_pages: u32,
     /// Empty texels kept around every chart, so that a bilinear lookup stays inside.
@@ -105,7 +108,7 @@ pub struct AtlasOptions {
 
 impl Default for AtlasOptions {
     fn default() -> Self {
-        Self { density: None, page_size: 1024, max_pages: 16, gutter: 2 }
+        Self { density: None, page_size: 1024, between_texels: None, max_pages: 16, gutter: 2 }
     }
 }
 

@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 #[allow(missing_docs)]
 pub enum Stage {
     Import,
+    Sizing,
     Plan,
     Atlas,
     Transport,
@@ -23,8 +24,9 @@ pub enum Stage {
 
 impl Stage {
     /// All stages, in order.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Import,
+        Self::Sizing,
         Self::Plan,
         Self::Atlas,
         Self::Transport,
@@ -41,6 +43,7 @@ impl Stage {
     pub fn name(self) -> &'static str {
         match self {
             Self::Import => "import",
+            Self::Sizing => "sizing",
             Self::Plan => "plan",
             Self::Atlas => "atlas",
             Self::Transport => "transport",

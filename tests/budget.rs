@@ -188,7 +188,7 @@ struct WorkClock(AtomicU64);
 
 impl WorkClock {
     /// Seconds that a look takes: stages look at it about once a gather.
-    const LOOK_S: f64 = 1e-4;
+    const LOOK_S: f64 = 2.5e-4;
 
     fn now(&self) -> f64 {
         self.0.fetch_add(1, Ordering::Relaxed) as f64 * Self::LOOK_S

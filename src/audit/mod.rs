@@ -16,12 +16,12 @@ mod between;
 mod survey;
 mod witness;
 
+pub use between::between_texels;
 pub use witness::{Lit, Reflections};
 
 use crate::elements::Elements;
 use crate::progress::Progress;
 use crate::transport::Tracer;
-use between::between_texels;
 use survey::{Found, Off, Sampling, Survey, roughness};
 use witness::Witness;
 
@@ -149,7 +149,7 @@ pub fn audit<T: Tracer>(lit: &Lit<T>, wanted: Wanted, progress: &mut Progress) -
         interpolation: share(interpolation),
         // Of a root, half the share; of nothing, as much as would be told from nothing.
         uncertainty: if total > doubt { doubt / (2.0 * total.sqrt()) } else { doubt.sqrt() / 2.0 } / mean,
-        between_texels: between_texels(lit, &texels, mean),
+        between_texels: between_texels(lit.elements, &|e| f64::from(lit.irradiance(e).mean())),
         texels: parts.iter().map(|part| part.texels).sum(),
         rays: parts.iter().map(|part| part.rays).sum(),
     })

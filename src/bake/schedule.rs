@@ -124,7 +124,6 @@ impl<'a> Schedule<'a> {
     fn of_tolerance(&mut self, wanted: f64, audit: Audit) -> Option<LightOptions> {
         let at_most = (audit.total.powi(2) + 2.0 * audit.total * audit.uncertainty).sqrt();
         if audit.total <= wanted && at_most <= SURELY * wanted {
-            self.warnings.extend(coarse_texels(wanted, audit.between_texels));
             return None;
         }
         self.known.learn(self.effort, &parts_of(&audit));
@@ -181,21 +180,8 @@ impl<'a> Schedule<'a> {
 }
 
 fn parts_of(audit: &Audit) -> Errors {
-    let Audit { total, direct, solve, gather, interpolation, .. } = *audit;
-    Errors { total, direct, solve, gather, interpolation }
-}
-
-/// Where texels are too coarse for the tolerance.
-fn coarse_texels(wanted: f64, between_texels: f64) -> Option<Warning> {
-    let told = || {
-        format!(
-            "the light is off by less than {} at the texels' centres, but by about {} between them: texels are too few \
-             for it; raise --density or --page-size",
-            text::percent(wanted),
-            text::percent(between_texels),
-        )
-    };
-    (between_texels > wanted).then(|| Warning::new("texel density", told()))
+    let Audit { total, direct, solve, gather, interpolation, between_texels, .. } = *audit;
+    Errors { total, direct, solve, gather, interpolation, between_texels }
 }
 
 /// Seconds that the light stages and the audit took so far.

@@ -5,11 +5,11 @@ use super::check::CheckArgs;
 use super::plan::PlanArgs;
 use super::render::RenderArgs;
 use super::study::StudyArgs;
-use super::values::{self, Effects, Pick, Sky};
+use super::values::{self, Effects, PageSize, Pick, Sky, WIDEST_AUTO_PAGE};
 use clap::{Args, Parser, Subcommand};
 use lightkiln::options::{
-    AtlasOptions, ExportOptions, FormFactors, ImportOptions, LampUnits, LampsOut, LightPart, Quality,
-    Relaxation, SolveOptions, Solver, Store,
+    AtlasOptions, ErrorBudget, ExportOptions, FormFactors, ImportOptions, LampUnits, LampsOut, LightPart,
+    Quality, Relaxation, SolveOptions, Solver, Store,
 };
 use std::path::PathBuf;
 
@@ -157,14 +157,10 @@ pub struct AtlasArgs {
     #[arg(long, value_name = "NUMBER", value_parser = values::density, allow_negative_numbers = true)]
     pub density: Option<f32>,
 
-    /// Width and height of a page, texels
-    #[arg(
-        long,
-        value_name = "TEXELS",
-        value_parser = values::page_size(),
-        default_value_t = AtlasOptions::default().page_size,
-    )]
-    pub page_size: u32,
+    /// Width and height of a page, texels; auto: as few as keep lookups between texels within --tolerance, or within what
+    /// the quality usually errs
+    #[arg(long, value_name = "TEXELS", value_parser = values::page_size, default_value_t = PageSize::default())]
+    pub page_size: PageSize,
 
     /// The most pages that may be written; the density gives way
     #[arg(
@@ -177,11 +173,16 @@ pub struct AtlasArgs {
 }
 
 impl AtlasArgs {
-    /// What they mean.
-    pub fn atlas(&self) -> AtlasOptions {
+    /// What they mean for a bake that may err so much.
+    pub fn atlas(&self, budget: &ErrorBudget) -> AtlasOptions {
+        let (page_size, between_texels) = match self.page_size {
+            PageSize::Texels(texels) => (texels, None),
+            PageSize::Auto => (WIDEST_AUTO_PAGE, Some(budget.between_texels)),
+        };
         AtlasOptions {
             density: self.density,
-            page_size: self.page_size,
+            page_size,
+            between_texels,
             max_pages: self.max_pages,
             ..AtlasOptions::default()
         }

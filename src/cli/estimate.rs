@@ -7,6 +7,7 @@ use lightkiln::progress::Stage;
 /// Usual cost of each stage at quality `good`, in shares of no particular whole.
 const TYPICAL: [(Stage, f64); Stage::ALL.len()] = [
     (Stage::Import, 1.0),
+    (Stage::Sizing, 0.0),
     (Stage::Plan, 0.2),
     (Stage::Atlas, 6.0),
     (Stage::Transport, 1.0),

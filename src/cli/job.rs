@@ -4,7 +4,7 @@ use super::args::BakeArgs;
 use super::progress::Verbosity;
 use super::values::has_extension;
 use lightkiln::export;
-use lightkiln::options::{BakeOptions, ExportOptions, Goal, Solver};
+use lightkiln::options::{BakeOptions, ErrorBudget, ExportOptions, Goal, Solver};
 use lightkiln::report::Report;
 use lightkiln::{Error, Result};
 use std::io;
@@ -59,9 +59,10 @@ impl Job {
         if let Some(relaxation) = solve.relaxation {
             light.solve.relaxation = relaxation.0;
         }
+        let budget = tolerance.map_or_else(|| ErrorBudget::of(quality.0), ErrorBudget::new);
         let options = BakeOptions {
             import: scene.import(),
-            atlas: atlas.atlas(),
+            atlas: atlas.atlas(&budget),
             light,
             goal: match (tolerance, time) {
                 (Some(share), _) => Goal::Tolerance(*share),
@@ -106,6 +107,10 @@ impl Job {
     pub fn check(&self) -> std::result::Result<(), Refusal> {
         if self.idle_relaxation {
             let what = "--relaxation is a matter of the matrix solver; add --solver matrix or leave it out";
+            return Err(Refusal::Misuse(what.to_owned()));
+        }
+        if self.options.atlas.between_texels.is_some() && self.options.atlas.density.is_some() {
+            let what = "--density says how many texels there are; leave it out, or --page-size auto";
             return Err(Refusal::Misuse(what.to_owned()));
         }
         let Some(ReportTo::File(report)) = &self.report else { return Ok(()) };
@@ -160,6 +165,7 @@ fn folder(path: &Path) -> &Path {
 mod tests {
     use super::*;
     use crate::cli::args::{Cli, Command};
+    use crate::cli::values::WIDEST_AUTO_PAGE;
     use clap::Parser;
     use lightkiln::options::{
         Forced, FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation, SkyOption, Store,
@@ -219,6 +225,17 @@ mod tests {
         assert!(!misused(&["--report", "room.json"]));
         // A scene is made of such files, and which it names is not known yet.
         assert!(misused(&["--report", "room.bin"]) && misused(&["--report", "wood.PNG"]));
+    }
+
+    #[test]
+    fn a_page_follows_from_what_the_bake_may_err() {
+        let atlas = |arguments: &[&str]| job(arguments).options.atlas;
+        let by_tolerance = atlas(&["--page-size", "auto", "--tolerance", "0.02"]);
+        assert_eq!((by_tolerance.page_size, by_tolerance.between_texels), (WIDEST_AUTO_PAGE, Some(0.02)));
+        let by_quality = atlas(&["--page-size", "auto", "--quality", "high"]);
+        assert_eq!(by_quality.between_texels, Some(ErrorBudget::of(Quality::High).total));
+        let both = job(&["--page-size", "auto", "--density", "10"]);
+        assert!(matches!(both.check(), Err(Refusal::Misuse(_))));
     }
 
     #[test]

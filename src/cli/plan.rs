@@ -8,7 +8,7 @@ use super::values::{self, Pick};
 use clap::Args;
 use lightkiln::bake::Run;
 use lightkiln::forecast::{Forecast, forecast};
-use lightkiln::options::{BakeOptions, Quality};
+use lightkiln::options::{BakeOptions, ErrorBudget, Quality};
 use lightkiln::study::{Cell, Row, Sheet};
 use lightkiln::text::{bytes, count, duration, percent, plural, printable, significant};
 use lightkiln::{Error, Result, export, import};
@@ -70,7 +70,7 @@ fn foresee(args: &PlanArgs) -> Result<Forecast> {
     let started = Instant::now();
     let options = BakeOptions {
         import: args.scene.import(),
-        atlas: args.atlas.atlas(),
+        atlas: args.atlas.atlas(&ErrorBudget::of(args.quality.0)),
         light: args.quality.0.light(),
         effects: args.effects.effects.0.forced(),
         ..BakeOptions::default()

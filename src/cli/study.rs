@@ -9,7 +9,7 @@ use super::memory;
 use super::values::{self, Pick};
 use clap::{Args, Subcommand};
 use lightkiln::bake::{Run, in_pool};
-use lightkiln::options::{BakeOptions, Quality};
+use lightkiln::options::{BakeOptions, ErrorBudget, Quality};
 use lightkiln::study::effects::{Subject, effects};
 use lightkiln::study::stability::stability;
 use lightkiln::study::{Study, write};
@@ -115,7 +115,7 @@ impl EffectsArgs {
     fn options(&self) -> BakeOptions {
         BakeOptions {
             import: self.scene.import(),
-            atlas: self.atlas.atlas(),
+            atlas: self.atlas.atlas(&ErrorBudget::of(self.quality.0)),
             light: self.quality.0.light(),
             ..BakeOptions::default()
         }

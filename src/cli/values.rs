@@ -4,10 +4,11 @@ use clap::ValueEnum;
 use clap::builder::{PossibleValue, RangedI64ValueParser};
 use glam::Vec3;
 use lightkiln::options::{
-    Exposure, Forced, FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation, SkyOption, Solver,
-    Store, Tone,
+    AtlasOptions, Exposure, Forced, FormFactors, LampUnits, LampsOut, LightPart, Quality, Relaxation,
+    SkyOption, Solver, Store, Tone,
 };
 use lightkiln::units::Radiance;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// An enum of the library, chosen by name.
@@ -269,8 +270,39 @@ pub fn sun_angle(text: &str) -> Result<f32, String> {
 }
 
 /// Width of a page.
-pub fn page_size() -> RangedI64ValueParser<u32> {
-    clap::value_parser!(u32).range(16..=16384)
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum PageSize {
+    /// So many texels.
+    Texels(u32),
+    /// As the error wants it.
+    Auto,
+}
+
+/// Pages that follow from the error are not wider than this, texels: wider ones are for who asks for them.
+pub const WIDEST_AUTO_PAGE: u32 = 4096;
+
+impl Default for PageSize {
+    fn default() -> Self {
+        Self::Texels(AtlasOptions::default().page_size)
+    }
+}
+
+impl fmt::Display for PageSize {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        match self {
+            Self::Texels(texels) => texels.fmt(f),
+            Self::Auto => f.write_str("auto"),
+        }
+    }
+}
+
+/// Texels, or `auto`.
+pub fn page_size(text: &str) -> Result<PageSize, String> {
+    match text.parse::<u32>() {
+        Ok(texels @ 16..=16384) => Ok(PageSize::Texels(texels)),
+        _ if text == "auto" => Ok(PageSize::Auto),
+        _ => Err("expected auto, or a number of texels from 16 to 16384".to_owned()),
+    }
 }
 
 /// Number of pages.

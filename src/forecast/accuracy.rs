@@ -36,7 +36,7 @@ pub(super) fn add(foreseen: &mut Forecast, audit: &Audit, share: f64, whole: &Wh
         [audit.direct * border, audit.solve * smooth, audit.gather * smooth, audit.interpolation * smooth];
     let total = parts.map(|part| part * part).iter().sum::<f64>().sqrt();
     let [direct, solve, gather, interpolation] = parts;
-    let found = Errors { total, direct, solve, gather, interpolation };
+    let found = Errors { total, direct, solve, gather, interpolation, between_texels: audit.between_texels };
     foreseen.error = Some(total);
     let known = Experience::of(Effort::of(&options.light), &found);
     let of_light = |stage: &Stage| GROWING.contains(stage) || *stage == Stage::Audit;

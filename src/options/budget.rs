@@ -43,7 +43,8 @@ const GATHER: [[f64; 1]; RUNGS] = [[128.0], [192.0], [256.0], [1024.0], [4096.0]
 /// The difference of nodes that is interpolated over.
 const NODES: [[f64; 1]; RUNGS] = [[0.12], [0.08], [0.05], [0.02], [0.008]];
 
-/// How far off the light may be: root mean squares as shares of the mean light.
+/// How far off the light may be: root mean squares as shares of the mean light. The total is of what is stored, at texels;
+/// the same again may be added by looking up between them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ErrorBudget {
     /// In all.
@@ -56,6 +57,8 @@ pub struct ErrorBudget {
     pub gather: f64,
     /// and interpolation between gathers.
     pub interpolation: f64,
+    /// Apart from the total, which is that at texels: lookups between them. Only more texels make it less.
+    pub between_texels: f64,
 }
 
 /// What an audit found, in the same parts.
@@ -77,11 +80,8 @@ pub struct Effort {
 impl ErrorBudget {
     /// So much in all, split as pays best.
     pub fn new(total: f64) -> Self {
-        Self::of_parts(total, SHARES.map(|share| share.sqrt() * total))
-    }
-
-    fn of_parts(total: f64, [direct, solve, gather, interpolation]: [f64; PARTS]) -> Self {
-        Self { total, direct, solve, gather, interpolation }
+        let [direct, solve, gather, interpolation] = SHARES.map(|share| share.sqrt() * total);
+        Self { total, direct, solve, gather, interpolation, between_texels: total }
     }
 
     pub(super) fn parts(&self) -> [f64; PARTS] {
@@ -327,7 +327,14 @@ mod tests {
 
     #[test]
     fn who_errs_works_more_and_who_does_not_stays() {
-        let found = Errors { total: 0.02, direct: 0.0005, solve: 0.001, gather: 0.02, interpolation: 0.0008 };
+        let found = Errors {
+            total: 0.02,
+            direct: 0.0005,
+            solve: 0.001,
+            gather: 0.02,
+            interpolation: 0.0008,
+            between_texels: 0.0,
+        };
         let from = Effort::all(1.0);
         let mut known = Experience::default();
         // Many looks that say the same leave nothing of what is usual.
@@ -340,7 +347,14 @@ mod tests {
             .fold((AIM * 0.01).powi(2), |left, part| left - part * part)
             .sqrt();
         assert!((0.02 * usual(to.gather) / usual(1.0) - left).abs() < 1e-5);
-        let all = Errors { total: 0.12, direct: 0.06, solve: 0.06, gather: 0.06, interpolation: 0.06 };
+        let all = Errors {
+            total: 0.12,
+            direct: 0.06,
+            solve: 0.06,
+            gather: 0.06,
+            interpolation: 0.06,
+            between_texels: 0.0,
+        };
         let mut known = Experience::default();
         known.learn(from, &all);
         let to = from.towards(&known, 0.01);
@@ -350,7 +364,14 @@ mod tests {
 
     #[test]
     fn parts_that_could_do_no_more_are_beyond_help() {
-        let found = Errors { total: 0.05, direct: 0.03, solve: 0.04, gather: 0.1, interpolation: 0.2 };
+        let found = Errors {
+            total: 0.05,
+            direct: 0.03,
+            solve: 0.04,
+            gather: 0.1,
+            interpolation: 0.2,
+            between_texels: 0.0,
+        };
         let at = Effort { direct: MOST.direct, solve: MOST.solve, gather: 1.0, nodes: 2.0 };
         assert!((at.beyond_help(&found) - 0.05).abs() < 1e-12);
         assert_eq!(Effort::all(1.0).beyond_help(&found), 0.0);

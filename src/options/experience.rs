@@ -74,7 +74,14 @@ mod tests {
     #[test]
     fn one_look_does_not_tell_everything() {
         let from = Effort::all(1.0);
-        let nothing = Errors { total: 0.0, direct: 0.0, solve: 0.0, gather: 0.0, interpolation: 0.0 };
+        let nothing = Errors {
+            total: 0.0,
+            direct: 0.0,
+            solve: 0.0,
+            gather: 0.0,
+            interpolation: 0.0,
+            between_texels: 0.0,
+        };
         let mut known = Experience::default();
         let of_usual = |known: &Experience| -> [f64; PARTS] {
             std::array::from_fn(|k| known.squares(from)[k] / usual_squares(from)[k])

@@ -4,7 +4,7 @@
 mod forecasts;
 
 use super::{Axis, Cell, Figure, Look, Row, Series, Sheet, Study};
-use crate::bake::{Lit, Run, light};
+use crate::bake::{Lit, Run, light, sized};
 use crate::error::Result;
 use crate::forecast::{Forecast, forecast};
 use crate::options::{BakeOptions, Effect, Forced, LightOptions};
@@ -120,7 +120,8 @@ impl Trial {
 }
 
 /// Bakes a scene in all ways.
-pub fn compare(subject: &Subject, options: &BakeOptions, run: &Run) -> Result<Outcome> {
+pub fn compare(subject: &Subject, given: &BakeOptions, run: &Run) -> Result<Outcome> {
+    let options = &sized(&subject.scene, given, run)?;
     // What the light is off by is not the question here.
     let effort = LightOptions { audit_share: 0.0, ..options.light.clone() };
     let with = |forced: Forced| BakeOptions { effects: forced, light: effort.clone(), ..options.clone() };
@@ -166,7 +167,7 @@ pub fn compare(subject: &Subject, options: &BakeOptions, run: &Run) -> Result<Ou
         Ok(Trial { effect, seconds, rays, elements, difference, difference_free, bound })
     });
     let forced = forced.collect::<Result<_>>()?;
-    let forecast = forecast(&subject.scene, options, run)?.after_reading(subject.read_seconds);
+    let forecast = forecast(&subject.scene, given, run)?.after_reading(subject.read_seconds);
     let findings = forecast.effects.clone();
     Ok(Outcome { name: subject.name.clone(), findings, forecast, cost: subject.cost, planned, forced })
 }

@@ -56,7 +56,8 @@ fn a_panic_anywhere_leaves_the_folder_as_it_was() {
         for from_worker in [false, true] {
             let observer = At::new(stage, from_worker, &|| panic!("a planted panic"));
             let run = Run { threads: Some(2), observer: &observer, ..Run::default() };
-            let (input, options) = (place.path("cornell.glb"), options(&place.path("out.glb")));
+            let (input, mut options) = (place.path("cornell.glb"), options(&place.path("out.glb")));
+            options.atlas.between_texels = Some(0.05);
             let ended = catch_unwind(AssertUnwindSafe(|| bake(&input, &options, &run).map(drop)));
             if !observer.done.load(Ordering::SeqCst) {
                 // A stage whose workers tell nothing: it went well.

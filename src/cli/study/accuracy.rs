@@ -5,10 +5,10 @@ use crate::cli::args::{AtlasArgs, SceneArgs};
 use crate::cli::failure;
 use crate::cli::values::Pick;
 use clap::Args;
-use lightkiln::bake::Run;
+use lightkiln::bake::{Run, sized};
 use lightkiln::export;
 use lightkiln::import::{self, Document};
-use lightkiln::options::{BakeOptions, Quality};
+use lightkiln::options::{BakeOptions, ErrorBudget, Quality};
 use lightkiln::scene::Scene;
 use lightkiln::study::Study;
 use lightkiln::study::accuracy::{Beside, accuracy, read_beside, write_reference};
@@ -53,7 +53,7 @@ pub fn run(args: &AccuracyArgs) -> ExitCode {
 fn study(args: &AccuracyArgs) -> Result<Study> {
     let options = BakeOptions {
         import: args.scene.import(),
-        atlas: args.atlas.atlas(),
+        atlas: args.atlas.atlas(&ErrorBudget::of(args.quality.0)),
         light: args.quality.0.light(),
         ..BakeOptions::default()
     };
@@ -82,6 +82,7 @@ struct Job<'a> {
 impl Job<'_> {
     fn study(self, run: &Run) -> Result<Study> {
         let Self { args, options, document, scene, beside } = self;
+        let options = sized(&scene, &options, run)?;
         let name = args.input.file_stem().map_or(Path::new("scene"), Path::new).display().to_string();
         let outcome = accuracy(&name, &scene, &options, beside, run, &|line| failure::say(&printable(line)))?;
         if let Some(folder) = &args.how.out {
