@@ -1,5 +1,6 @@
 //! How stages tell that they go on, and learn that they should stop. No clock, no printing: the caller has both.
 
+use crate::options::LightOptions;
 use crate::units::Irradiance;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
@@ -66,6 +67,11 @@ pub trait Observer: Sync {
     fn advance(&self, _stage: Stage, _done: u64, _total: u64) {}
     /// The share of the reflected power that the solver has not yet distributed, in `[0, 1]`.
     fn unshot(&self, _fraction: f64) {}
+    /// The light stages begin their pass of this number, from 1, with an effort that usually leaves an error of this share of the
+    /// mean light, by what earlier passes showed of the scene.
+    fn pass(&self, _number: usize, _effort: &LightOptions, _usual_error: f64) {}
+    /// What is not finished yet is off by, over all of the light so far, as a share of its mean: about.
+    fn unfinished(&self, _share: f64) {}
     /// The estimated error of the light so far, as a share of its mean.
     fn error(&self, _share: f64) {}
 }
@@ -133,6 +139,12 @@ impl<'a> Progress<'a> {
     /// Tells the observer the unshot share of the power.
     pub fn unshot(&self, fraction: f64) {
         self.observer.unshot(fraction);
+    }
+
+    /// Tells the observer the error of what is not finished, where each of the units that are left is off by this share of the mean.
+    pub fn unfinished(&self, share_of_each: f64) {
+        let left = 1.0 - self.done.load(Ordering::Relaxed) as f64 / self.total.max(1) as f64;
+        self.observer.unfinished(share_of_each * left.max(0.0).sqrt());
     }
 
     /// Whether the caller wants the work so far, now.

@@ -8,7 +8,7 @@ mod common;
 
 use lightkiln::bake::{self, Lit, Run};
 use lightkiln::import;
-use lightkiln::options::{BakeOptions, Goal, ImportOptions, Quality};
+use lightkiln::options::{BakeOptions, Goal, ImportOptions, LightOptions, Quality};
 use lightkiln::progress::{Observer, Stage};
 use lightkiln::scene::Scene;
 use std::path::{Path, PathBuf};
@@ -123,11 +123,21 @@ fn every_fixture_is_held() {
 #[derive(Default)]
 struct Ear {
     errors: Mutex<Vec<f64>>,
+    passes: Mutex<Vec<f64>>,
+    unfinished: Mutex<Vec<f64>>,
 }
 
 impl Observer for Ear {
     fn error(&self, share: f64) {
         self.errors.lock().unwrap().push(share);
+    }
+    fn pass(&self, number: usize, _: &LightOptions, usual_error: f64) {
+        let mut passes = self.passes.lock().unwrap();
+        passes.push(usual_error);
+        assert_eq!(passes.len(), number);
+    }
+    fn unfinished(&self, share: f64) {
+        self.unfinished.lock().unwrap().push(share);
     }
 }
 
@@ -142,10 +152,28 @@ fn a_tolerance_is_approached_from_above_and_costs_what_it_must() {
         let errors = ear.errors.into_inner().unwrap();
         assert!(errors.windows(2).all(|pair| pair[1] < pair[0]), "{errors:?}");
         assert!(errors.last().is_some_and(|last| *last <= wanted), "{wanted}: {errors:?}");
+        assert_eq!(ear.passes.into_inner().unwrap().len(), errors.len());
         assert_eq!(lit.light.estimated_error, errors.last().copied());
         assert!(lit.light.rays > rays, "{wanted} costs no more than twice that");
         rays = lit.light.rays;
     }
+}
+
+#[test]
+fn what_is_not_gathered_yet_is_told_and_falls() {
+    let ear = Ear::default();
+    let mut options = options(Quality::Good);
+    options.atlas.page_size = 256;
+    let lit = bake::light(&scene_of("cornell"), &options, &Run { observer: &ear, ..Run::default() }).unwrap();
+    let unfinished = ear.unfinished.into_inner().unwrap();
+    // The coarse solution is off by some percent; where nodes come close together there is little left, and it is hard.
+    let (first, last) = (unfinished[0], *unfinished.last().unwrap());
+    assert!((0.005..0.3).contains(&first) && last < first / 2.0, "{unfinished:?}");
+    let doubled = unfinished.windows(2).any(|pair| pair[1] > 2.0 * pair[0]);
+    assert!(unfinished.len() >= 4 && !doubled, "{unfinished:?}");
+    let usual = ear.passes.into_inner().unwrap();
+    let found = lit.light.estimated_error.unwrap();
+    assert!(usual.len() == 1 && (found / 2.0..found * 2.0).contains(&usual[0]), "{usual:?} for {found}");
 }
 
 #[test]
@@ -188,7 +216,7 @@ struct WorkClock(AtomicU64);
 
 impl WorkClock {
     /// Seconds that a look takes: stages look at it about once a gather.
-    const LOOK_S: f64 = 2.5e-4;
+    const LOOK_S: f64 = 1e-4;
 
     fn now(&self) -> f64 {
         self.0.fetch_add(1, Ordering::Relaxed) as f64 * Self::LOOK_S
@@ -200,7 +228,7 @@ fn time_is_kept_and_more_of_it_is_better() {
     let scene = scene_of("cornell");
     let truth = truth(&scene);
     let mut before = f64::INFINITY;
-    for seconds in [2.0, 4.0, 8.0] {
+    for seconds in [2.0, 4.0] {
         let clock = WorkClock(AtomicU64::new(0));
         let options = BakeOptions { goal: Goal::Seconds(seconds), ..options(Quality::Good) };
         let run = Run { clock: &|| clock.now(), ..Run::default() };

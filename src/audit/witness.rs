@@ -11,6 +11,7 @@ use crate::transport::{Hit, Tracer};
 use crate::units::{Irradiance, Radiosity};
 use glam::Vec3;
 use std::cell::RefCell;
+use std::sync::OnceLock;
 
 /// Shadow rays towards every emitter whose border passes.
 const SHADOW_RAYS: u32 = 64;
@@ -24,8 +25,10 @@ const LOOKS: u32 = 16;
 const EVERY: usize = 2;
 /// Rays of these gathers.
 const PLACE_RAYS: u32 = 32;
-/// Sets of samples of faint emitters.
+/// Sets of samples of faint emitters,
 const FAINT_SETS: u32 = 8;
+/// and of directions: to order one takes as long as some rays, and those of so many texels have little in common.
+const DIRECTION_SETS: usize = 32;
 /// Squared errors of gathers fall with this power of their rays: 2.1, 1.3, 0.56 % for 128, 256, 1024 in the Cornell box.
 const NOISE_POWER: f64 = 1.2;
 
@@ -80,7 +83,29 @@ pub(super) struct Witness<'a, T> {
     bright: [Option<Bright>; 2],
     /// What rays meet, without the bright patches; empty where nothing is reflected.
     radiosity: Vec<Radiosity>,
+    directions: [Directions; 3],
     seed: u32,
+}
+
+/// Sets of as many directions, made when they are first asked for.
+struct Directions {
+    sets: [OnceLock<DirectionSet>; DIRECTION_SETS],
+    rays: u32,
+    seed: u32,
+    sky_is_lit: bool,
+}
+
+impl Directions {
+    fn new(rays: u32, seed: u32, sky_is_lit: bool) -> Self {
+        Self { sets: std::array::from_fn(|_| OnceLock::new()), rays, seed, sky_is_lit }
+    }
+
+    /// One of those for the first or for the second of two: they have none in common.
+    fn any(&self, of_two: usize, number: u32) -> &DirectionSet {
+        let k = number.wrapping_mul(2).wrapping_add(of_two as u32) % DIRECTION_SETS as u32;
+        self.sets[k as usize]
+            .get_or_init(|| DirectionSet::new(self.rays, mixed(self.seed ^ (k + 1)), self.sky_is_lit))
+    }
 }
 
 impl<'a, T: Tracer> Witness<'a, T> {
@@ -101,7 +126,22 @@ impl<'a, T: Tracer> Witness<'a, T> {
             bright = Bright::take(elements, patches, &mut radiosity, rays);
         }
         let bright = seeds.map(|seed| bright.as_ref().map(|bright| bright.aimed_anywhere(seed)));
-        Self { again: Again::new(elements, emitters, direct, sight), lit, faint, bright, radiosity, seed }
+        let (gathers, sky_is_lit) =
+            lit.reflections.as_ref().map_or((LEAST_GATHER_RAYS, false), |r| (rays(r.rays), r.sky.is_lit()));
+        let directions = [
+            Directions::new(gathers, mixed(seed ^ 3), sky_is_lit),
+            Directions::new(LOOKS, mixed(seed ^ 4), false),
+            Directions::new(PLACE_RAYS, mixed(seed ^ 5), sky_is_lit),
+        ];
+        Self {
+            again: Again::new(elements, emitters, direct, sight),
+            lit,
+            faint,
+            bright,
+            radiosity,
+            directions,
+            seed,
+        }
     }
 
     /// Twice something that differs by its samples alone.
@@ -125,7 +165,7 @@ impl<'a, T: Tracer> Witness<'a, T> {
         let stored = grey(from.irradiance[element as usize]);
         let seen = |hit: &Hit| self.place(from, hit).map_or(Radiosity::ZERO, |e| self.radiosity[e as usize]);
         self.twice(element, 2, |k, seed| {
-            let set = DirectionSet::new(rays(from.rays), seed, from.sky.is_lit());
+            let set = self.directions[0].any(k, seed);
             let (again, rays) = set.gather(self.lit.elements, element, &self.around(from, element, k, seen));
             (stored - grey(again.irradiance), rays)
         })
@@ -137,7 +177,7 @@ impl<'a, T: Tracer> Witness<'a, T> {
         let elements = self.lit.elements;
         let seen = |hit: &Hit| self.place(from, hit).map_or(Radiosity::ZERO, |e| self.radiosity[e as usize]);
         self.twice(element, 3, |k, seed| {
-            let set = DirectionSet::new(LOOKS, seed, false);
+            let set = self.directions[1].any(k, seed);
             let met = RefCell::new(Vec::with_capacity(set.len()));
             let note = |hit: &Hit| {
                 met.borrow_mut().push(self.place(from, hit));
@@ -154,7 +194,7 @@ impl<'a, T: Tracer> Witness<'a, T> {
                 if !elements.valid[at] || elements.reflectance[at].0 == Vec3::ZERO {
                     continue;
                 }
-                let set = DirectionSet::new(PLACE_RAYS, mixed(seed ^ number), from.sky.is_lit());
+                let set = self.directions[2].any(k, mixed(seed ^ number));
                 let (there, rays) = set.gather(elements, e, &self.around(from, e, k, seen));
                 let off = smooth[at] - there.irradiance;
                 excess += f64::from((elements.reflectance[at] * off).mean());

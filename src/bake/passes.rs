@@ -75,8 +75,10 @@ pub fn passes<T: Tracer>(
         Ok::<Pass, crate::Error>(pass)
     };
     let first = schedule.first(log);
+    schedule.tell(&first, log);
     let mut last = run(&first, None, None, log)?;
     while let Some(effort) = schedule.next(&last, log) {
+        schedule.tell(&effort, log);
         last = run(&effort, schedule.until(log), Some(&last), log)?;
     }
     Ok((last, schedule.warnings))

@@ -84,6 +84,11 @@ impl<'a> Schedule<'a> {
         self.light()
     }
 
+    /// Tells of a pass that is about to begin.
+    pub fn tell(&self, light: &LightOptions, log: &Log) {
+        log.run.observer.pass(self.passes, light, self.known.error(Effort::of(light)));
+    }
+
     /// The settings of the present effort.
     fn light(&self) -> LightOptions {
         self.effort.light_of_pass(&self.options.light)
@@ -150,6 +155,9 @@ impl<'a> Schedule<'a> {
     }
 
     fn of_seconds(&mut self, seconds: f64, last: &Pass, log: &Log) -> Option<LightOptions> {
+        if let Some(audit) = last.audit.filter(|_| last.whole) {
+            self.known.learn(self.effort, &parts_of(&audit));
+        }
         let now = spent(log);
         self.audit_s = now[3] - self.before_s[3];
         let left = seconds - log.seconds();

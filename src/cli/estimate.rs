@@ -34,10 +34,11 @@ pub struct Standing {
     pub left_s: Option<f64>,
 }
 
-/// Follows a bake through its stages.
+/// Follows a bake through its stages, or through those of one pass.
 #[derive(Debug)]
 pub struct Estimate {
     weights: [f64; Stage::ALL.len()],
+    began_s: f64,
     stage: usize,
     stage_began_s: f64,
     share: f64,
@@ -46,14 +47,17 @@ pub struct Estimate {
 impl Estimate {
     /// A bake at this effort, about to begin.
     pub fn new(light: &LightOptions) -> Self {
-        let effort = relative_effort(light);
-        let weights = TYPICAL.map(|(stage, weight)| match stage {
-            Stage::Direct => weight * effort.direct,
-            Stage::Solve => weight * effort.solve,
-            Stage::Gather => weight * effort.gather,
-            _ => weight,
-        });
-        Self { weights, stage: 0, stage_began_s: 0.0, share: 0.0 }
+        Self { weights: weights(light), began_s: 0.0, stage: 0, stage_began_s: 0.0, share: 0.0 }
+    }
+
+    /// A pass at this effort begins `now_s` seconds after the start. The first goes on with what came before it; those that
+    /// follow are followed for themselves: nobody knows how many there will be.
+    pub fn pass(&mut self, number: usize, light: &LightOptions, now_s: f64) {
+        self.weights = weights(light);
+        if number > 1 {
+            self.weights[..Stage::Direct as usize].fill(0.0);
+            (self.began_s, self.share) = (now_s, 0.0);
+        }
     }
 
     /// A stage begins `now_s` seconds after the start.
@@ -73,10 +77,11 @@ impl Estimate {
         let total = done + current * (1.0 - stage_share) + after;
         self.share = self.share.max(done / total);
 
-        let told = done / total >= FIRST_ESTIMATE && now_s >= FIRST_ESTIMATE_S;
+        let took_s = now_s - self.began_s;
+        let told = done / total >= FIRST_ESTIMATE && took_s >= FIRST_ESTIMATE_S;
         let left_s = told.then(|| {
             // The stage's own pace beats the table as soon as it has one.
-            let seconds_per_weight = now_s / done;
+            let seconds_per_weight = took_s / done;
             let own = if stage_share > 0.02 {
                 (now_s - self.stage_began_s) * (1.0 - stage_share) / stage_share
             } else {
@@ -88,22 +93,19 @@ impl Estimate {
     }
 }
 
-/// Where a bake to a tolerance stands: how much of the way down from its first error, in ratios. What is left takes as long as
-/// it takes.
-pub fn toward_error(first: Option<f64>, now: f64, wanted: f64) -> Standing {
-    let share = match first {
-        Some(first) if first > wanted && now.is_finite() => {
-            ((first / now.max(wanted)).ln() / (first / wanted).ln()).clamp(0.0, 1.0)
-        }
-        Some(_) => 1.0,
-        None => 0.0,
-    };
-    Standing { share, left_s: None }
-}
-
 /// Where a bake stands that ends in time.
 pub fn within_time(now_s: f64, seconds: f64) -> Standing {
     Standing { share: (now_s / seconds).clamp(0.0, 1.0), left_s: Some((seconds - now_s).max(0.0)) }
+}
+
+fn weights(light: &LightOptions) -> [f64; Stage::ALL.len()] {
+    let effort = relative_effort(light);
+    TYPICAL.map(|(stage, weight)| match stage {
+        Stage::Direct => weight * effort.direct,
+        Stage::Solve => weight * effort.solve,
+        Stage::Gather => weight * effort.gather,
+        _ => weight,
+    })
 }
 
 struct Effort {
@@ -116,7 +118,10 @@ struct Effort {
 fn relative_effort(light: &LightOptions) -> Effort {
     // Penumbra rays are sent from about 12 % of the texels; of these, interpolation gathers at about 4 %.
     let rays = |light: &LightOptions| Effort {
-        direct: f64::from(light.direct.probe_rays) + 0.12 * f64::from(light.direct.penumbra_rays),
+        direct: match (f64::from(light.direct.probe_rays), f64::from(light.direct.penumbra_rays)) {
+            (0.0, everywhere) => everywhere,
+            (probe, penumbra) => probe + 0.12 * penumbra,
+        },
         solve: f64::from(light.solve.patches) * f64::from(light.solve.rays_per_patch),
         gather: f64::from(light.gather.rays) * if light.gather.tolerance > 0.0 { 0.04 } else { 1.0 },
     };
@@ -177,13 +182,30 @@ mod tests {
     }
 
     #[test]
-    fn other_goals_have_other_measures() {
-        assert_eq!(toward_error(None, f64::NAN, 0.01), Standing { share: 0.0, left_s: None });
-        assert!((toward_error(Some(0.04), 0.02, 0.01).share - 0.5).abs() < 1e-12);
-        assert_eq!(toward_error(Some(0.04), 0.005, 0.01).share, 1.0);
-        assert_eq!(toward_error(Some(0.005), 0.005, 0.01).share, 1.0);
+    fn a_bake_that_ends_in_time_is_measured_by_it() {
         assert_eq!(within_time(7.5, 30.0), Standing { share: 0.25, left_s: Some(22.5) });
         assert_eq!(within_time(31.0, 30.0), Standing { share: 1.0, left_s: Some(0.0) });
+    }
+
+    #[test]
+    fn every_further_pass_begins_anew_and_ends_at_its_end() {
+        let light = LightOptions::default();
+        let mut estimate = Estimate::new(&light);
+        estimate.begin(Stage::Audit, 90.0);
+        let first = estimate.at(94.0, 1.0);
+        assert!(first.share > 0.9);
+        estimate.pass(2, &light, 100.0);
+        let of_pass: f64 = TYPICAL[Stage::Direct as usize..].iter().map(|(_, weight)| weight).sum();
+        let mut now = 100.0;
+        for (stage, weight) in TYPICAL.into_iter().skip(Stage::Direct as usize) {
+            estimate.begin(stage, now);
+            let half = estimate.at(now + weight / 2.0, 0.5);
+            assert!((half.share - (now + weight / 2.0 - 100.0) / of_pass).abs() < 1e-9, "{stage:?}");
+            let left = 100.0 + of_pass - now - weight / 2.0;
+            assert!(half.left_s.is_none_or(|told| (told - left).abs() < 1e-9), "{stage:?}");
+            now += weight;
+        }
+        assert!(estimate.at(now, 1.0).share > 1.0 - 1e-9);
     }
 
     #[test]

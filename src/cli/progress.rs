@@ -1,15 +1,15 @@
 //! The bar: one line on a terminal, nothing in a pipe.
 
-use super::estimate::{Estimate, toward_error, within_time};
+use super::estimate::{Estimate, within_time};
 use super::failure::say;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use lightkiln::options::{BakeOptions, Goal};
+use lightkiln::options::{BakeOptions, Goal, LightOptions};
 use lightkiln::progress::{Observer, Stage};
 use lightkiln::text;
 use std::io::IsTerminal as _;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError, Sender};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -46,12 +46,15 @@ struct Shared {
     lines: bool,
     estimate: Mutex<Estimate>,
     goal: Goal,
-    first_error: OnceLock<f64>,
+    pass: AtomicUsize,
     stage: Mutex<Option<Stage>>,
     done: AtomicU64,
     total: AtomicU64,
     unshot_bits: AtomicU64,
+    /// What the light so far is off by.
     error_bits: AtomicU64,
+    /// What is finished of this pass usually is off by.
+    usual_error_bits: AtomicU64,
     stopping: AtomicBool,
 }
 
@@ -64,12 +67,13 @@ impl Display {
             lines: verbosity == Verbosity::Verbose && !terminal,
             estimate: Mutex::new(Estimate::new(&options.light)),
             goal: options.goal,
-            first_error: OnceLock::new(),
+            pass: AtomicUsize::new(1),
             stage: Mutex::new(None),
             done: AtomicU64::new(0),
             total: AtomicU64::new(0),
             unshot_bits: AtomicU64::new(f64::NAN.to_bits()),
             error_bits: AtomicU64::new(f64::NAN.to_bits()),
+            usual_error_bits: AtomicU64::new(0_f64.to_bits()),
             stopping: AtomicBool::new(false),
         });
         let visible = terminal && verbosity >= Verbosity::Normal;
@@ -127,10 +131,21 @@ impl Observer for Display {
         self.shared.unshot_bits.store(fraction.to_bits(), Ordering::Relaxed);
     }
 
+    fn pass(&self, number: usize, effort: &LightOptions, usual_error: f64) {
+        let shared = &self.shared;
+        shared.pass.store(number, Ordering::Relaxed);
+        shared.usual_error_bits.store(usual_error.to_bits(), Ordering::Relaxed);
+        lock(&shared.estimate).pass(number, effort, shared.seconds());
+    }
+
+    fn unfinished(&self, share: f64) {
+        let usual = f64::from_bits(self.shared.usual_error_bits.load(Ordering::Relaxed));
+        self.shared.error_bits.store(share.hypot(usual).to_bits(), Ordering::Relaxed);
+    }
+
     fn error(&self, share: f64) {
         let shared = &self.shared;
         shared.error_bits.store(share.to_bits(), Ordering::Relaxed);
-        shared.first_error.get_or_init(|| share);
         if shared.lines {
             say(&format!("{:8.2} s  error about {}", shared.seconds(), text::percent(share)));
         }
@@ -149,13 +164,16 @@ impl Shared {
         let unshot = f64::from_bits(self.unshot_bits.load(Ordering::Relaxed));
         let error = f64::from_bits(self.error_bits.load(Ordering::Relaxed));
         let standing = match self.goal {
-            Goal::Effort => standing,
-            Goal::Tolerance(wanted) => toward_error(self.first_error.get().copied(), error, wanted),
+            Goal::Effort | Goal::Tolerance(_) => standing,
             Goal::Seconds(seconds) => within_time(self.seconds(), seconds),
         };
 
         let stage = *lock(&self.stage);
         let mut message = stage.map_or("", Stage::name).to_owned();
+        let pass = self.pass.load(Ordering::Relaxed);
+        if pass > 1 {
+            message = format!("pass {pass}: {message}");
+        }
         if unshot.is_finite() {
             message += &format!(", {} unshot", text::percent(unshot));
         }

@@ -47,6 +47,8 @@ struct State {
     gathered: Vec<bool>,
     nodes: u64,
     rays: u64,
+    /// Of all exported light, about.
+    mean: f32,
 }
 
 pub(super) fn fill<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
@@ -58,7 +60,9 @@ pub(super) fn fill<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
     options: &GatherOptions,
     progress: &mut Progress,
 ) -> Indirect {
+    let mean = mean_light(elements, &direct.irradiance, coarse);
     let mut state = State {
+        mean,
         value: coarse.to_vec(),
         distance_m: vec![f32::INFINITY; elements.len()],
         gathered: vec![false; elements.len()],
@@ -72,7 +76,7 @@ pub(super) fn fill<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
         evaluate(elements, around, set, &all, &mut state, progress);
         progress.advance(0);
     } else {
-        let floor = DARK_SHARE * mean_light(elements, &direct.irradiance, coarse);
+        let floor = DARK_SHARE * mean;
         let mut cells = roots(elements, &direct.blocks, options.widest_cell.clamp(1, 256) as u16);
         let mut finished = Vec::new();
         while !cells.is_empty() && !progress.cancelled() {
@@ -216,15 +220,22 @@ fn evaluate<T: Tracer, S: Fn(&Hit) -> Radiosity + Sync>(
         }
         let one = |&e: &u32| (!progress.cancelled()).then(|| set.gather(elements, e, around));
         let gathered: Vec<Option<(Gathered, u64)>> = batch.par_iter().map(one).collect();
+        let (mut square, mut count) = (0.0, 0.0);
         for (&e, gathered) in batch.iter().zip(gathered) {
             let Some((gathered, rays)) = gathered else { continue };
             state.rays += rays;
+            square += f64::from(gathered.irradiance.mean() - state.value[e as usize].mean()).powi(2);
+            count += 1.0;
             state.value[e as usize] = gathered.irradiance;
             state.distance_m[e as usize] = gathered.distance_m;
             state.gathered[e as usize] = true;
         }
         state.nodes += batch.len() as u64;
         progress.advance(batch.len() as u64);
+        // What is left is likely to be off by as much as what was found just now.
+        if count > 0.0 && state.mean > 0.0 {
+            progress.unfinished((square / count).sqrt() / f64::from(state.mean));
+        }
         progress.glimpse(&state.value);
     }
 }
