@@ -148,6 +148,7 @@ if ((${#pairs[@]})); then
   counted_check "Khronos validator" node tools/validate_gltf.mjs --baseline "${pairs[@]}"
 fi
 counted_check "pages of studies" study_pages
+counted_check "plans in Blender" target/venv/bin/python tools/check_plan.py fixtures/*.glb
 # Every kind of light that glTF drops, exported, baked, and baked again by Cycles.
 counted_check "light as in Cycles" target/venv/bin/python tools/roundtrip.py --own --cycles 128 --page-size 64
 
