@@ -81,26 +81,6 @@ def one_pass(images, seed):
     return {file: pixels_of(image) for file, image in images.items()}
 
 
-def light_from_properties():
-    """Gives an imported scene the light that came as custom properties: a constant sky, sizes of lamps and suns."""
-    for lamp in bpy.data.lights:
-        if lamp.type == "SUN":
-            lamp.angle = lamp.get("angle", 0.0)
-        else:
-            lamp.shadow_soft_size = lamp.get("radius", 0.0)
-            own = lamp.get("lightkiln")
-            lamp.use_soft_falloff = bool(hasattr(own, "to_dict") and own.to_dict().get("soft_falloff"))
-    own = bpy.context.scene.get("lightkiln")
-    sky = own.to_dict().get("sky") if hasattr(own, "to_dict") else None
-    if isinstance(sky, list):
-        world = bpy.data.worlds.new("sky")
-        world.use_nodes = True
-        node = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
-        node.inputs["Color"].default_value = (*sky[:3], 1)
-        node.inputs["Strength"].default_value = own.to_dict().get("sky_strength", 1.0)
-        bpy.context.scene.world = world
-
-
 def keep_light_only():
     """Lamps stay where they are in the world; everything else goes."""
     lamps = [thing for thing in bpy.context.scene.objects if thing.type == "LIGHT"]

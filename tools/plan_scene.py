@@ -12,6 +12,8 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
+from scene_light import own
+
 FULL, CLEAR, HOLES, PARTIAL = "full", "clear", "holes", "partial"
 
 
@@ -58,23 +60,6 @@ def silence():
             os.dup2(stream, number)
             os.close(stream)
         os.close(nowhere)
-
-
-def own(holders, name):
-    """A custom property of lightkiln, nested or flat, or by its plain name: the first holder's that has one."""
-    for holder in holders:
-        nested = holder.get("lightkiln") if holder else None
-        nested = nested.to_dict() if hasattr(nested, "to_dict") else {}
-        for held, key in (
-            (nested, name),
-            (holder or {}, f"lightkiln.{name}"),
-            (holder or {}, f"lightkiln_{name}"),
-            (holder or {}, name),
-        ):
-            if key in held:
-                value = held[key]
-                return value.to_dict() if hasattr(value, "to_dict") else value.to_list() if hasattr(value, "to_list") else value
-    return None
 
 
 # ---- materials ----------------------------------------------------------------------------------------------------
@@ -231,7 +216,7 @@ class Thing:
         self.mesh_number = mesh
         self.name, self.label = made.name, label
         moves = any(m.type == "ARMATURE" for m in made.modifiers) or made.data.shape_keys is not None
-        wanted = own([made, made.data], "bake")
+        wanted = own([made, made.data], "bake", plain=False)
         self.lightmapped = not moves and wanted not in (False, 0)
         held = made.evaluated_get(graph)
         mesh = held.to_mesh()
@@ -339,7 +324,7 @@ class Scene:
                     self.nodes[node].extensions["KHR_lights_punctual"]["light"]
                 ]
                 self.lamps.append(Lamp(made, label, light.get("range") or np.inf))
-            if lamp := own([made], "area_lamp"):
+            if lamp := own([made], "area_lamp", plain=False):
                 self.area_lamps.append((label, made, lamp))
         scene = bpy.context.scene
         self.sky = own([scene], "sky")

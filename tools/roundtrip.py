@@ -31,6 +31,7 @@ import cycles_compare
 import export_scene
 import lightmap_checks
 import roundtrip_checks
+import scene_light
 import test_scenes
 import views
 
@@ -121,7 +122,7 @@ def open_file(path):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         bpy.app.debug_value = 1
         bpy.ops.import_scene.gltf(filepath=str(path))
-        cycles_compare.light_from_properties()
+        scene_light.light_from_properties(path.parent)
 
 
 def travel(trip, options):
