@@ -7,6 +7,12 @@ compares both at the same random points of the surfaces; writes cycles.csv, with
 `--beside cycles.csv`, so that everything stands in one table and one plot, DIR/accuracy.html. `--no-study` does the middle alone, in a
 folder that has a reference.
 
+The light is the scene's own, custom properties included: sizes of lamps and suns, area lamps, the sky, unless `--sky` says another.
+
+Cycles bakes without a margin, which would run over the neighbours in lightkiln's gutters of two texels; what it leaves is then filled from
+the chart beside. Points inside of other objects, and those whose lookup takes in a texel that is partly inside of one, are left out: there
+Cycles bakes the dark of the inside, lightkiln what is around, and neither is wrong. "contacts too" tells of all points that can be seen.
+
 With `--points FILE.npz` (arrays p: positions, E: irradiance, and g: normals; metres and W/m² in glTF's axes), an independent reference
 such as Mitsuba's judges as well: rows for the study's own reference and for Cycles say "by FILE". Lightmaps of finite texels err at contacts
 and shadow borders, whatever their effort: the row of the reference shows how much.
@@ -19,6 +25,7 @@ Needs bpy (tools/requirements.txt).
 import argparse
 import csv
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -27,7 +34,15 @@ import numpy as np
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import scene_light
+
 POINTS = 20_000
+# Places of a texel, along each side, that are asked whether they are inside of something.
+SUBTEXELS = 3
+# No light: what stays in texels that are not baked.
+UNTOUCHED = -1.0
 RAW, DENOISED = "Cycles", "Cycles + OpenImageDenoise"
 COLUMNS = ["sweep", "setting", "seconds", "rms", "median", "95th percentile", "largest", "bias"]
 
@@ -38,16 +53,17 @@ def main():
     if wanted.study:
         study(wanted)
     reference = wanted.out / "reference.glb"
-    scene = Imported(reference, wanted.sky)
+    scene = Imported(reference, wanted.scene.parent, wanted.sky)
     truth_map = lightmap_of(reference) * np.pi
-    points = scene.random_points(POINTS)
-    judges = [("", points, scene.ask(truth_map, points))]
-    rows = []
+    inside = scene.inside_map(truth_map.shape[0])
+    judges, rows = [], []
+    for seen, name in parts_of(scene, scene.random_points(POINTS), inside):
+        judges.append((name, seen, scene.ask(truth_map, seen)))
     if wanted.points:
-        others = scene.points_at(*load_points(wanted.points))
-        name = f", by {wanted.points.stem}"
-        judges.append((name, others, others["irradiance"]))
-        rows.append(result(f"lightkiln's reference{name}", "", None, scene.ask(truth_map, others), others["irradiance"]))
+        for others, name in parts_of(scene, scene.points_at(*load_points(wanted.points)), inside):
+            name = f", by {wanted.points.stem}{name}"
+            judges.append((name, others, others["irradiance"]))
+            rows.append(result(f"lightkiln's reference{name}", "", None, scene.ask(truth_map, others), others["irradiance"]))
     for samples in wanted.samples:
         pixels, seconds = scene.bake(samples, truth_map.shape[0])
         clean, more = denoise(pixels)
@@ -59,13 +75,24 @@ def main():
         study(wanted, "--beside", beside)
 
 
+def parts_of(scene, points, inside):
+    """The points whose lookups take in nothing that is inside of another object, and all that can be seen."""
+    outside = ~scene.are_inside(points)
+    seen = {key: held[outside] for key, held in points.items()}
+    alone = scene.ask(inside, seen)[:, 0] == 0
+    clear = {key: held[alone] for key, held in seen.items()}
+    count = len(points["uv"])
+    print(f"of {count:,} points {count - len(seen['uv']):,} are inside of something, {len(seen['uv']) - len(clear['uv']):,} at contacts")
+    return [(clear, ""), (seen, ", contacts too")] if len(clear["uv"]) < len(seen["uv"]) else [(clear, "")]
+
+
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--page-size", type=int, default=512)
     parser.add_argument("--samples", type=lambda s: [int(n) for n in s.split(",")], default=[4, 16, 64])
-    parser.add_argument("--sky", help="R,G,B of a constant sky, given to both")
+    parser.add_argument("--sky", help="R,G,B[,STRENGTH] or FILE[,STRENGTH], given to both [default: the scene's own]")
     parser.add_argument("--points", type=Path)
     parser.add_argument("--no-study", dest="study", action="store_false")
     parser.add_argument("--lightkiln", default="target/release/lightkiln")
@@ -105,27 +132,19 @@ def load_points(path):
 
 
 class Imported:
-    """The baked scene in Blender: its own lamps, no specular lobes, sharp lamps as glTF has them."""
+    """The baked scene in Blender: its own light, no specular lobes."""
 
-    def __init__(self, baked, sky):
+    def __init__(self, baked, folder, sky):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         bpy.ops.import_scene.gltf(filepath=str(baked))
         self.lit = [thing for thing in bpy.data.objects if thing.type == "MESH" and "lightmap" in thing]
         if not self.lit:
             raise SystemExit(f"{baked} has no object with a lightmap")
-        for lamp in bpy.data.lights:
-            lamp.shadow_soft_size = 0
-            if lamp.type == "SUN":
-                lamp.angle = 0
+        scene_light.light_from_properties(folder, sky)
         for thing in self.lit:
             if thing.data.users > 1:
                 thing.data = thing.data.copy()
             thing.data.uv_layers.active_index = self.set_of(thing)
-        if sky:
-            world = bpy.data.worlds.new("sky")
-            bpy.context.scene.world = world
-            world.use_nodes = True
-            world.node_tree.nodes["Background"].inputs[0].default_value = (*map(float, sky.split(",")[:3]), 1)
         for material in bpy.data.materials:
             make_matte(material)
         self.triangles()
@@ -145,38 +164,80 @@ class Imported:
                 uvs.append([layer[loop].vector[:] for loop in triangle.loops])
         self.corners = np.array(corners, dtype=np.float64)
         self.uv = np.array(uvs, dtype=np.float64)
+        a, b, c = self.corners.transpose(1, 0, 2)
+        self.normals = np.cross(b - a, c - a)
+        self.areas = np.linalg.norm(self.normals, axis=1) / 2
+        self.normals /= np.maximum(2 * self.areas, 1e-300)[:, None]
+        flat = self.corners.reshape(-1, 3)
+        self.size = np.ptp(flat, axis=0).max()
+        self.tree = BVHTree.FromPolygons(flat.tolist(), np.arange(len(flat)).reshape(-1, 3).tolist(), all_triangles=True)
+        self.numbers = np.random.default_rng(1)
 
     def random_points(self, count):
-        a, b, c = self.corners.transpose(1, 0, 2)
-        area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-        numbers = np.random.default_rng(1)
-        which = numbers.choice(len(area), size=count, p=area / area.sum())
-        s, t = np.sqrt(numbers.random(count)), numbers.random(count)
+        which = self.numbers.choice(len(self.areas), size=count, p=self.areas / self.areas.sum())
+        s, t = np.sqrt(self.numbers.random(count)), self.numbers.random(count)
         weights = np.stack([1 - s, s * (1 - t), s * t], axis=1)
-        return {"uv": np.einsum("nk,nkd->nd", weights, self.uv[which])}
+        return {key: np.einsum("nk,nkd->nd", weights, held[which]) for key, held in (("uv", self.uv), ("at", self.corners))} | {"triangle": which}
 
     def points_at(self, positions, irradiance, normals):
         """Points of glTF's axes on the surfaces under them."""
-        flat = self.corners.reshape(-1, 3)
-        tree = BVHTree.FromPolygons([Vector(p) for p in flat], np.arange(len(flat)).reshape(-1, 3).tolist())
-        reach = 1e-3 * np.ptp(flat, axis=0).max()
-        uv, kept = [], []
+        reach = 1e-3 * self.size
+        found, kept = {"uv": [], "at": [], "triangle": []}, []
         for k, (x, y, z) in enumerate(positions):
-            at, out = Vector((x, -z, y)), None
+            at = Vector((x, -z, y))
             if normals is not None:
                 out = Vector((normals[k][0], -normals[k][2], normals[k][1]))
-                _, _, index, _ = tree.ray_cast(at + out * reach, -out, 2 * reach)
+                _, _, index, _ = self.tree.ray_cast(at + out * reach, -out, 2 * reach)
             else:
-                _, _, index, _ = tree.find_nearest(at, reach)
+                _, _, index, _ = self.tree.find_nearest(at, reach)
             if index is None:
                 continue
             a, b, c = self.corners[index]
             weights, *_ = np.linalg.lstsq(np.stack([b - a, c - a], axis=1), np.array(at) - a, rcond=None)
-            uv.append(self.uv[index][0] + weights @ (self.uv[index][1:] - self.uv[index][0]))
+            found["uv"].append(self.uv[index][0] + weights @ (self.uv[index][1:] - self.uv[index][0]))
+            found["at"].append(np.array(at))
+            found["triangle"].append(index)
             kept.append(k)
         if not kept:
             raise SystemExit("none of the points lies on the scene's surfaces: they are of another scene, or in other axes")
-        return {"uv": np.array(uv), "irradiance": irradiance[kept]}
+        return {key: np.array(held) for key, held in found.items()} | {"irradiance": irradiance[kept]}
+
+    def is_inside(self, at, triangle):
+        """Whether a point on a front is inside of something: what it sees shows its back."""
+        normal = self.normals[triangle]
+        start = Vector(at + 1e-5 * self.size * normal)
+
+        def back(way):
+            _, _, index, _ = self.tree.ray_cast(start, Vector(way))
+            return index is not None and self.normals[index] @ way > 0
+
+        if not back(normal):
+            return False
+        ways = self.numbers.normal(size=(8, 3))
+        ways = ways / np.linalg.norm(ways, axis=1, keepdims=True) + normal
+        return sum(map(back, ways)) > len(ways) / 2
+
+    def are_inside(self, points):
+        return np.array([self.is_inside(at, triangle) for at, triangle in zip(points["at"], points["triangle"])])
+
+    def inside_map(self, size):
+        """1 in texels that are inside of other objects somewhere, by SUBTEXELS² places of each."""
+        inside = np.zeros((size, size, 1))
+        for triangle, (corners, uv) in enumerate(zip(self.corners, self.uv)):
+            outline = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1) * size
+            frame = (outline[1:] - outline[0]).T
+            if abs(np.linalg.det(frame)) < 1e-9:
+                continue
+            low, high = (np.floor(outline.min(axis=0)) * SUBTEXELS, np.ceil(outline.max(axis=0)) * SUBTEXELS)
+            grid = np.stack(np.meshgrid(*(np.arange(low[k], high[k]) for k in (0, 1))), axis=-1).reshape(-1, 2)
+            places = (grid + 0.5) / SUBTEXELS
+            weights = np.linalg.solve(frame, (places - outline[0]).T).T
+            on = (weights >= 0).all(axis=1) & (weights.sum(axis=1) <= 1)
+            columns, rows = np.clip(places[on].astype(int), 0, size - 1).T
+            for row, column, at in zip(rows, columns, corners[0] + weights[on] @ (corners[1:] - corners[0])):
+                if not inside[row, column] and self.is_inside(at, triangle):
+                    inside[row, column] = 1
+        return inside
 
     @staticmethod
     def ask(pixels, points):
@@ -193,6 +254,7 @@ class Imported:
     def bake(self, samples, size):
         """E/π after so many samples a texel, and the seconds that took."""
         image = bpy.data.images.new("bake", size, size, float_buffer=True, is_data=True)
+        image.pixels.foreach_set(np.full(len(image.pixels), UNTOUCHED, np.float32))
         for material in {slot.material for thing in self.lit for slot in thing.material_slots if slot.material}:
             nodes = material.node_tree.nodes
             target = nodes.get("bake target") or nodes.new("ShaderNodeTexImage")
@@ -210,11 +272,25 @@ class Imported:
             thing.select_set(thing in self.lit)
         bpy.context.view_layer.objects.active = self.lit[0]
         started = time.perf_counter()
-        bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT", "INDIRECT"}, margin=4, use_clear=True)
+        bpy.ops.object.bake(type="DIFFUSE", pass_filter={"DIRECT", "INDIRECT"}, margin=0, use_clear=False)
         seconds = time.perf_counter() - started
-        pixels = pixels_of(image)
+        pixels = filled(pixels_of(image))
         bpy.data.images.remove(image)
         return pixels, seconds
+
+
+def filled(pixels):
+    """What was not baked, from the texels beside, ring by ring; far from all charts it is black."""
+    for _ in range(4):
+        known = np.pad((pixels[..., 0] != UNTOUCHED).astype(float), 1)
+        held = np.pad(np.where(pixels != UNTOUCHED, pixels, 0), ((1, 1), (1, 1), (0, 0)))
+        height, width = pixels.shape[:2]
+        around = [(dy, dx) for dy in (0, 1, 2) for dx in (0, 1, 2)]
+        count = sum(known[dy : dy + height, dx : dx + width] for dy, dx in around)
+        total = sum(held[dy : dy + height, dx : dx + width] for dy, dx in around)
+        new = (pixels[..., 0] == UNTOUCHED) & (count > 0)
+        pixels = np.where(new[..., None], total / np.maximum(count, 1)[..., None], pixels)
+    return np.where(pixels == UNTOUCHED, 0, pixels)
 
 
 def make_matte(material):
@@ -288,10 +364,11 @@ def result(who, effort, seconds, found, truth):
 
 
 def report(rows, path):
+    width = max(len(row["sweep"]) for row in rows)
     for row in rows:
         errors = "  ".join(f"{key} {100 * row[key]:6.2f} %" for key in COLUMNS[3:])
         seconds = f"{row['seconds']:8.2f} s" if row["seconds"] != "" else " " * 10
-        print(f"{row['sweep']:40} {row['setting']:12} {seconds}  {errors}")
+        print(f"{row['sweep']:{width}}  {row['setting']:12} {seconds}  {errors}")
     with open(path, "w", newline="") as file:
         table = csv.DictWriter(file, COLUMNS)
         table.writeheader()
