@@ -4,8 +4,8 @@ import re
 
 import numpy as np
 
-from plan_rays import BACK, FRONT, Rays
-from plan_scene import CLEAR, HOLES, PARTIAL
+from plan_rays import BACK, FRONT, Rays, skins
+from plan_scene import CLEAR, FULL, HOLES, PARTIAL
 
 # Names that the plan keeps of each kind.
 MOST_NAMES = 16
@@ -24,6 +24,9 @@ class Check:
         self.idle_names = set(self.names("far-lamps")) if self.reason("far-lamps")[:1].isdigit() else set()
         self.backs = set(self.names("back-faces")) if self.is_on("back-faces") else set()
         self.all_backs = len(self.backs) == MOST_NAMES
+        closing = set(self.names("light-between-rooms"))
+        named = (skin for thing in scene.things if thing.label in closing for skin in skins(thing))
+        self.shells = [skin for skin in named if skin.closed and skin.opaque]
 
     def is_on(self, effect):
         return self.findings[effect]["on"]
@@ -72,6 +75,10 @@ class Check:
 
     def lamps(self):
         return [lamp for lamp in self.scene.lamps if lamp.shines() and lamp.label not in self.idle_names]
+
+    def room_of(self, at):
+        """The sealed shells that hold a point; none that is far away."""
+        return [] if at is None else [number for number, skin in enumerate(self.shells) if skin.holds(at[None])]
 
     def points(self, sides, count):
         """Random points of sides, some of each."""
@@ -148,7 +155,9 @@ def lights_something(check, lamp, sides):
         turn = check.rays.numbers.normal(size=3)
         across = np.cross(lamp.along, turn) / np.linalg.norm(np.cross(lamp.along, turn))
         way = cosine * lamp.along + np.sqrt(max(1 - cosine**2, 0)) * across
-        hit = check.rays.cast(lamp.at, way, min(lamp.reach, 1e30))
+        hit = check.rays.cast(lamp.at, way, lamp.reach)
+        while hit and not check.is_lit(hit[0], hit[1]) and hit[0].opacity != FULL:
+            hit = check.rays.cast(hit[2] + check.rays.near * way, way)
         if hit and check.is_lit(hit[0], hit[1]):
             return True
     return any(check.rays.sees_lamp(at, normal, lamp) for _ in range(4) for _, _, at, normal in check.points(sides, WALKS))

@@ -57,6 +57,11 @@ class Rays:
             distance,
         )
 
+    def is_touched(self, at, part):
+        """Whether another object lies on this point of a part: which of the two a ray meets there is chance."""
+        found = self.tree.find_nearest_range(Vector(at - self.middle), 2 * self.near) if self.tree else []
+        return any(self.owner[index].thing is not part.thing for _, _, index, _ in found)
+
     def escapes(self, at, way):
         """Whether a ray leaves the scene, and its neighbours too: between triangles that touch, single rays may slip."""
         if self.cast(at, way) is not None:
@@ -69,7 +74,9 @@ class Rays:
             return
         which = self.numbers.choice(len(part.areas), size=count, p=part.areas / part.areas.sum())
         for triangle in which:
-            yield self.sample(part, side, triangle)
+            at, normal = self.sample(part, side, triangle)
+            if not self.is_touched(at - self.near * normal, part):
+                yield at, normal
 
     def sample(self, part, side, triangle):
         s, t = np.sqrt(self.numbers.random()), self.numbers.random()
@@ -85,25 +92,32 @@ class Rays:
         return way / np.linalg.norm(way)
 
     def sees_lamp(self, at, normal, lamp):
-        """Whether a lamp is in front and nothing in the way."""
+        """Whether a lamp is in front and nothing opaque in the way."""
         found = lamp.towards(at)
         if found is None or found[0] @ normal <= 1e-3:
             return False
         way, distance = found
-        return self.cast(at, way, distance - self.near) is None
+        hit = self.cast(at, way, distance - self.near)
+        while hit and hit[0].opacity != FULL:
+            distance -= hit[4] + self.near
+            at = hit[2] + self.near * way
+            hit = self.cast(at, way, distance) if distance > self.near else None
+        return hit is None
 
     def walk(self, at, normal, bounces):
-        """The sides that a random walk meets; at last None, should it leave the scene. It may pass what is not opaque."""
+        """The sides that a random walk meets; at last None, should it leave the scene. It may pass what is not opaque, and
+        says nothing of where objects touch."""
         for _ in range(bounces):
             way = self.around(normal)
             hit = self.cast(at, way)
-            while hit and hit[0].opacity != FULL and self.numbers.random() < 0.5:
+            while hit and hit[0].opacity != FULL and not self.is_touched(hit[2], hit[0]) and self.numbers.random() < 0.5:
                 hit = self.cast(hit[2] + self.near * way, way)
             if hit is None:
                 if self.escapes(at, way):
                     yield None
                 return
-            yield hit
+            if not self.is_touched(hit[2], hit[0]):
+                yield hit
             at, normal = hit[2] + self.near * hit[3], hit[3]
 
 

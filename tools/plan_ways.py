@@ -49,36 +49,48 @@ def check_shadows(check):
         )
     if most >= len(triangles):
         return
-    some = (
-        triangles
-        if len(triangles) <= MOST_SIDES
-        else [triangles[k] for k in rays.numbers.choice(len(triangles), MOST_SIDES, replace=False)]
-    )
-    shaded = [
-        row
-        for row in some
-        if row[0].areas[row[2]] > 0 and any(is_shaded(check, emitters, *rays.sample(*row), reason) for _ in range(4))
-    ]
+    count = min(len(triangles), MOST_SIDES)
+    some = [triangles[k] for k in rays.numbers.choice(len(triangles), count, replace=False)]
+    shaded = [row for row in some if row[0].areas[row[2]] > 0 and is_shaded(check, emitters, row, reason)]
     names = sorted({part.thing.name for part, _, _ in shaded})
     check.must(effect, len(shaded) <= most, f"of {len(shaded)} sides rays find something in the way, in {names[:4]}")
 
 
-def is_shaded(check, emitters, at, normal, reason):
-    """Whether a ray from a point to a light meets something; or any ray, where nothing is said to be in front at all."""
-    rays, near = check.rays, 10 * check.rays.near
-    if reason == "nothing stands in front of any surface":
-        way = rays.around(normal)
-        hit = rays.cast(at, way)
-        return hit is not None and hit[4] > near and way @ normal > 1e-2
-    ways = [lamp.towards(at) for lamp in check.lamps()]
+def is_shaded(check, emitters, row, reason):
+    """Whether rays from a side of a triangle to the lights meet something; or any rays, where nothing is said to be in front."""
+    for _ in range(4):
+        at, normal = check.rays.sample(*row)
+        if check.rays.is_touched(at - check.rays.near * normal, row[0]):
+            continue
+        if reason == "nothing stands in front of any surface":
+            ways = [(check.rays.around(normal), np.inf)]
+        else:
+            ways = ways_to_lights(check, emitters, at)
+        if any(is_blocked(check.rays, at, normal, *way) for way in ways):
+            return True
+    return False
+
+
+def ways_to_lights(check, emitters, at):
+    """Ways to the lights of the sealed room that a point is in: no others count there."""
+    here = check.room_of(at)
+    for lamp in check.lamps():
+        way = lamp.towards(at)
+        if way and check.room_of(lamp.at if lamp.kind != "SUN" else None) == here:
+            yield way
     for part in emitters:
-        target, front = next(rays.samples(part, FRONT, 1))
-        way = target - at
-        distance = np.linalg.norm(way)
-        if distance > near and (-way @ front > 0 or part.look.two_sided):
-            ways.append((way / distance, distance))
-    hits = ((rays.cast(at, way[0], way[1] - near), way) for way in ways if way and way[0] @ normal > 1e-2)
-    return any(hit and hit[4] > near for hit, _ in hits)
+        for target, front in check.rays.samples(part, FRONT, 1):
+            distance = np.linalg.norm(target - at)
+            faces = (at - target) @ front > 0 or part.look.two_sided
+            if distance > 10 * check.rays.near and faces and check.room_of(target) == here:
+                yield (target - at) / distance, distance
+
+
+def is_blocked(rays, at, normal, way, distance):
+    """Leaves out what grazes, and what begins or ends at a contact."""
+    near = 10 * rays.near
+    hit = rays.cast(at, way, distance - near) if way @ normal > 1e-2 else None
+    return hit is not None and hit[4] > near
 
 
 def check_backs(check):
@@ -100,20 +112,21 @@ def check_backs(check):
                 check.must(effect, not broken, f"'{thing.name}' is not so in Blender")
         backs = [(part, BACK) for thing in dropped for part in thing.parts if part.look.two_sided and part.takes_light()]
         for part, _, at, normal in check.points(backs, WALKS):
-            found = light_found(check, at, normal)
+            found = light_found(check, part.thing, at, normal)
             if found and (found[1] or reason.startswith("every")):
                 check.must(effect, False, f"light finds a way behind '{part.thing.name}': {found[0]}")
                 return
 
 
-def light_found(check, at, normal):
-    """What a walk from a side comes upon that shines, and whether it met something lightmapped on its way."""
+def light_found(check, thing, at, normal):
+    """What a walk from a back comes upon that shines, other backs of the same thing aside, and whether it met something
+    lightmapped on its way."""
     met = False
     for hit in check.rays.walk(at, normal, BOUNCES):
         if hit is None:
             return "it gets out", met
         met |= is_lightmapped_front(hit)
-        if hit[0].emits() and (hit[1] == FRONT or hit[0].look.two_sided):
+        if hit[0].emits() and (hit[1] == FRONT or hit[0].look.two_sided and hit[0].thing is not thing):
             return f"'{hit[0].thing.name}' shines", met
         for lamp in check.scene.lamps:
             if lamp.shines() and check.rays.sees_lamp(hit[2] + check.rays.near * hit[3], hit[3], lamp):
@@ -155,8 +168,7 @@ def check_rooms(check):
             )
     effect = "light-between-rooms"
     if check.told(effect) is not None:
-        named = [thing for thing in scene.things if thing.label in check.names(effect)]
-        closed = [skin for thing in named for skin in skins(thing) if skin.closed and skin.opaque]
+        closed = check.shells
         check.must(
             effect,
             {skin.thing.label for skin in closed} == set(check.names(effect)),
