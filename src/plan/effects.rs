@@ -9,7 +9,7 @@ use super::reasons::{
 use super::savings::{PARTLY_SAVED, Saving, saved};
 use super::{Facts, Side};
 use crate::options::{Effect, Forced};
-use crate::scene::{Alpha, LampKind, Material, Opacity, Role};
+use crate::scene::{Alpha, LampKind, Opacity, Role, Surface};
 use serde::Serialize;
 
 /// One effect, on or off.
@@ -171,16 +171,26 @@ pub(super) fn can_be_forced(facts: &Facts, effect: Effect, called: bool) -> bool
 
 /// Why no surface has holes.
 fn no_holes(facts: &Facts) -> &'static str {
-    let masks = |material: &Material| matches!(material.alpha, Alpha::Mask { .. });
-    match facts.scene.surfaces.iter().any(|surface| masks(facts.scene.material(surface))) {
-        true => "no image of a material with alphaMode MASK has a hole",
-        false => "no material uses alphaMode MASK",
+    let scene = facts.scene;
+    let masked = |surface: &&Surface| {
+        surface.role != Role::Emits && matches!(scene.material(surface).alpha, Alpha::Mask { .. })
+    };
+    let mut masked = scene.surfaces.iter().filter(masked).peekable();
+    if masked.peek().is_none() {
+        return "no material uses alphaMode MASK";
+    }
+    match masked.any(|surface| scene.opacity_of(surface) == Opacity::Clear) {
+        true => "what uses alphaMode MASK is a hole as a whole, or has none",
+        false => "no image of a material with alphaMode MASK has a hole",
     }
 }
 
 /// Why no surface lets a share of the light pass.
 fn no_veils(facts: &Facts) -> &'static str {
-    match facts.scene.surfaces.iter().any(|surface| facts.scene.material(surface).alpha == Alpha::Blend) {
+    let blends = |surface: &Surface| {
+        surface.role != Role::Emits && facts.scene.material(surface).alpha == Alpha::Blend
+    };
+    match facts.scene.surfaces.iter().any(blends) {
         true => "all that uses alphaMode BLEND is opaque",
         false => "no material uses alphaMode BLEND",
     }

@@ -5,8 +5,9 @@ use super::lamps::Idle;
 use super::materials::emits;
 use super::rooms::Rooms;
 use super::{Facts, Side};
-use crate::scene::{LampKind, Material, Scene, Sky};
+use crate::scene::{LampKind, Material, Origin, Role, Scene, Sky};
 use crate::text;
+use std::collections::BTreeMap;
 
 pub(super) fn lamps(facts: &Facts, what: &str, kind: &dyn Fn(&LampKind) -> bool) -> Called {
     let of_kind = || facts.scene.lamps.iter().zip(&facts.idle).filter(|(lamp, _)| kind(&lamp.kind));
@@ -31,12 +32,20 @@ pub(super) fn surfaces(
 ) -> Called {
     let scene = facts.scene;
     let meant = |i: &usize| test(*i, scene.material(&scene.surfaces[*i]));
-    let names = (0..scene.surfaces.len()).filter(meant).map(|i| scene.surfaces[i].origin.name.as_str());
-    let evidence = Evidence::new(names);
+    let evidence = objects(scene, (0..scene.surfaces.len()).filter(meant));
     match evidence.count {
         0 => (false, none.to_owned(), evidence),
         count => (true, format!("{}: {}", counted(count, what), evidence.some()), evidence),
     }
+}
+
+/// The objects that surfaces belong to, each once, however many materials it has.
+fn objects(scene: &Scene, surfaces: impl Iterator<Item = usize>) -> Evidence {
+    let mut origins: Vec<&Origin> = surfaces.map(|surface| &scene.surfaces[surface].origin).collect();
+    let place = |origin: &Origin| (origin.node, origin.instance);
+    origins.sort_by_key(|origin| place(origin));
+    origins.dedup_by_key(|origin| place(origin));
+    Evidence::new(origins.iter().map(|origin| origin.name.as_str()))
 }
 
 pub(super) fn far_lamps(facts: &Facts) -> Called {
@@ -56,9 +65,11 @@ pub(super) fn far_lamps(facts: &Facts) -> Called {
         .filter(|(lamps, _)| lamps.count > 0)
         .collect();
     if parts.is_empty() {
-        let reason = match facts.scene.lamps.len() {
-            0 => "the scene has no lamps",
-            _ => "every lamp lights something",
+        let area_lamps = facts.scene.surfaces.iter().any(|surface| surface.role == Role::Emits);
+        let reason = match (facts.scene.lamps.len(), area_lamps) {
+            (0, false) => "the scene has no lamps",
+            (0, true) => "the scene has no lamps but area lamps",
+            _ => "no lamp was found that lights nothing",
         };
         return (false, reason.to_owned(), Evidence::default());
     }
@@ -79,7 +90,21 @@ pub(super) fn sky(facts: &Facts) -> Called {
 }
 
 fn closed_rooms(facts: &Facts) -> Evidence {
-    Evidence::new(facts.rooms.names.iter().skip(Rooms::OUTSIDE as usize + 1).map(String::as_str))
+    let scene = facts.scene;
+    // The inside of a solid is as sealed, but nobody would call it a room.
+    let has_anything = |room: &u32| {
+        let lamp = facts.rooms.of_lamp.iter().any(|within| within.contains(room));
+        let takes_or_gives = |surface: usize| {
+            let sides = facts.lit[surface].both().into_iter().zip(&facts.rooms.of_side[surface]);
+            let within = |(side, rooms): (Side, &Vec<u32>)| {
+                rooms.contains(room) && (side != Side::Dark || scene.surfaces[surface].role == Role::Emits)
+            };
+            sides.into_iter().any(within)
+        };
+        lamp || (0..scene.surfaces.len()).any(takes_or_gives)
+    };
+    let rooms = (Rooms::OUTSIDE + 1..facts.rooms.len() as u32).filter(has_anything);
+    Evidence::new(rooms.map(|room| facts.rooms.names[room as usize].as_str()))
 }
 
 /// Lights whose shadows are computed.
@@ -118,8 +143,7 @@ pub(super) fn penumbras(facts: &Facts) -> Called {
 
 pub(super) fn back_faces(facts: &Facts) -> Called {
     let name = |surface: usize| facts.scene.surfaces[surface].origin.name.as_str();
-    let lit = (0..facts.sides.len()).filter(|&i| facts.sides[i].back != Side::Dark);
-    let lit = Evidence::new(lit.map(name));
+    let lit = objects(facts.scene, (0..facts.sides.len()).filter(|&i| facts.sides[i].back != Side::Dark));
     if lit.count > 0 {
         let why = facts
             .found
@@ -130,11 +154,11 @@ pub(super) fn back_faces(facts: &Facts) -> Called {
         let what = counted(lit.count, "object{s} whose back can be lit");
         return (true, format!("{what}: {}{why}", lit.some()), lit);
     }
-    let dropped =
-        Evidence::new(facts.found.backs.iter().filter(|b| b.dropped).map(|b| name(b.surface as usize)));
-    let reason = match (facts.found.backs.len(), dropped.count) {
-        (0, _) => "no material is double-sided".to_owned(),
-        (all, dropped_count) if all == dropped_count => {
+    let backs = || facts.found.backs.iter();
+    let dropped = objects(facts.scene, backs().filter(|back| back.dropped).map(|back| back.surface as usize));
+    let reason = match backs().count() {
+        0 => "no material is double-sided".to_owned(),
+        _ if backs().all(|back| back.dropped) => {
             format!("every double-sided object is closed and faces outward: {}", dropped.some())
         }
         _ => "no back of a double-sided object is seen by anything lightmapped".to_owned(),
@@ -144,8 +168,7 @@ pub(super) fn back_faces(facts: &Facts) -> Called {
 
 pub(super) fn unseen(facts: &Facts) -> Called {
     let left_out = |i: &usize| facts.lit[*i] != facts.sides[*i];
-    let names = (0..facts.lit.len()).filter(left_out).map(|i| facts.scene.surfaces[i].origin.name.as_str());
-    let evidence = Evidence::new(names);
+    let evidence = objects(facts.scene, (0..facts.lit.len()).filter(left_out));
     let reason = match evidence.count {
         0 => "every lit side may be seen by something lightmapped".to_owned(),
         count => format!(
@@ -159,8 +182,8 @@ pub(super) fn unseen(facts: &Facts) -> Called {
 
 pub(super) fn between_rooms(facts: &Facts) -> Called {
     let closed = closed_rooms(facts);
-    let reason = match facts.rooms.len() {
-        1 => "nothing closed has anything inside: all is one room".to_owned(),
+    let reason = match closed.count {
+        0 => "nothing was found that is sealed off: all counts as one room".to_owned(),
         _ => format!("{} sealed off inside {}", counted(closed.count, "room{s}"), closed.some()),
     };
     (false, reason, closed)
@@ -179,10 +202,9 @@ pub(super) fn bounces(facts: &Facts) -> Called {
     if !shines(facts) {
         return off("nothing sends light");
     }
-    let reflecting = (0..scene.surfaces.len())
-        .filter(|&i| facts.sides[i].both() != [Side::Dark; 2] && super::materials::reflects(scene, i))
-        .map(|i| scene.surfaces[i].origin.name.as_str());
-    let evidence = Evidence::new(reflecting);
+    let reflects =
+        |i: &usize| facts.sides[*i].both() != [Side::Dark; 2] && super::materials::reflects(scene, *i);
+    let evidence = objects(scene, (0..scene.surfaces.len()).filter(reflects));
     match (evidence.count, facts.reflects) {
         (0, _) => off("every surface is black"),
         (_, false) => (false, "no surface sees another".to_owned(), evidence),
@@ -212,8 +234,11 @@ pub(super) fn channels(facts: &Facts) -> Called {
 pub(super) fn instancing(scene: &Scene) -> Called {
     let mut uses = vec![0; scene.geometries.len()];
     scene.surfaces.iter().for_each(|surface| uses[surface.geometry.0 as usize] += 1);
-    let shared = (0..uses.len()).filter(|&g| uses[g] > 1).map(|g| scene.geometries[g].name.as_str());
-    let evidence = Evidence::new(shared);
+    // A mesh of several materials is several geometries.
+    let shared = scene.surfaces.iter().filter(|surface| uses[surface.geometry.0 as usize] > 1);
+    let meshes: BTreeMap<usize, &str> =
+        shared.map(|surface| (surface.origin.mesh, scene.geometry(surface).name.as_str())).collect();
+    let evidence = Evidence::new(meshes.into_values());
     match evidence.count {
         0 => (false, "no mesh stands in several places".to_owned(), evidence),
         count => {

@@ -37,6 +37,8 @@ impl Scene {
         let slack = if low == high { 0.0 } else { ROUNDING };
         match material.alpha {
             Alpha::Opaque => Opacity::Full,
+            // Nothing is more transparent than transparent, however alpha is interpolated.
+            Alpha::Mask { cutoff } if low >= 0.0 && cutoff <= 0.0 => Opacity::Full,
             Alpha::Mask { cutoff } if low >= cutoff + slack => Opacity::Full,
             Alpha::Mask { cutoff } if high < cutoff - slack => Opacity::Clear,
             Alpha::Mask { .. } => Opacity::Holes,

@@ -8,6 +8,7 @@ mod random;
 mod scenes;
 mod shared;
 mod twins;
+mod words;
 
 use lightkiln::bake::Run;
 use lightkiln::options::{BakeOptions, Effect, Quality};
