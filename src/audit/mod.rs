@@ -134,7 +134,7 @@ pub fn audit<T: Tracer>(lit: &Lit<T>, wanted: Wanted, progress: &mut Progress) -
         let floor = (gather.noise * to_stage).min(gather.square + MOST_DOUBT * gather.doubt);
         gather.square = gather.square.max(floor);
         let [square, noise] = gather.of_even;
-        interpolation = (square - NOISE_LEFT * noise * to_stage).clamp(0.0, gather.square);
+        interpolation = of_interpolation(square - NOISE_LEFT * noise * to_stage, gather.square);
     }
     let parts = [direct, gather, solve];
     let square = parts.map(|part| part.square.max(0.0));
@@ -153,6 +153,11 @@ pub fn audit<T: Tracer>(lit: &Lit<T>, wanted: Wanted, progress: &mut Progress) -
         texels: parts.iter().map(|part| part.texels).sum(),
         rays: parts.iter().map(|part| part.rays).sum(),
     })
+}
+
+/// The part of a gather's square that is interpolation's, if so much is; both may be below 0 where there is next to nothing.
+fn of_interpolation(square: f64, of_gather: f64) -> f64 {
+    square.min(of_gather).max(0.0)
 }
 
 /// Goes on with whatever leaves most in doubt, until the error is known well or a good deal more rays are used up.
@@ -186,4 +191,17 @@ fn exported(elements: &Elements) -> Vec<u32> {
 fn mean<T>(lit: &Lit<T>, texels: &[u32]) -> f64 {
     let all: f64 = texels.iter().map(|&e| f64::from(lit.irradiance(e).mean())).sum();
     all / texels.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_below_nothing_are_nothing() {
+        assert_eq!(of_interpolation(1e-7, -4.9e-7), 0.0);
+        assert_eq!(of_interpolation(-1.0, 2.0), 0.0);
+        assert_eq!(of_interpolation(1.0, 2.0), 1.0);
+        assert_eq!(of_interpolation(3.0, 2.0), 2.0);
+    }
 }
