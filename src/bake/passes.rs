@@ -4,7 +4,7 @@
 use super::Glimpse;
 use super::log::Log;
 use super::reflect::{Around, Reflected, Straight};
-use super::schedule::{self, Schedule};
+use super::schedule::{self, Next, Schedule};
 use super::snapshots::Snapshots;
 use crate::atlas::Atlas;
 use crate::audit::{self, Audit, Reflections};
@@ -38,6 +38,8 @@ pub struct Pass {
     pub effort: LightOptions,
     pub direct: Arc<Direct>,
     pub reflected: Reflected,
+    /// Rays of a gather, those of all passes that are blended.
+    pub gather_rays: u32,
     pub audit: Option<Audit>,
     /// Whether it ran to its end.
     pub whole: bool,
@@ -55,10 +57,10 @@ pub fn passes<T: Tracer>(
         lookup.get_or_init(|| Lookup::new(scene, atlas, tracer.world(), elements))
     };
     let mut schedule = Schedule::new(ground.options, snapshots.is_some());
-    let run = |effort: &LightOptions, until: Option<f64>, last: Option<&Pass>, log: &mut Log| {
+    let run = |next: &Next, until: Option<f64>, last: Option<&Pass>, log: &mut Log| {
         let rays_before = log.rays();
         log.until = until;
-        let made = ground.pass(effort, last, &lookup, log, snapshots);
+        let made = ground.pass(next, last, &lookup, log, snapshots);
         log.until = None;
         let mut pass = made?;
         if pass.audit.is_none() {
@@ -77,9 +79,9 @@ pub fn passes<T: Tracer>(
     let first = schedule.first(log);
     schedule.tell(&first, log);
     let mut last = run(&first, None, None, log)?;
-    while let Some(effort) = schedule.next(&last, log) {
-        schedule.tell(&effort, log);
-        last = run(&effort, schedule.until(log), Some(&last), log)?;
+    while let Some(next) = schedule.next(&last, log) {
+        schedule.tell(&next, log);
+        last = run(&next, schedule.until(log), Some(&last), log)?;
     }
     Ok((last, schedule.warnings))
 }
@@ -96,24 +98,29 @@ impl<T: Tracer> Ground<'_, T> {
         }
     }
 
-    /// One pass. What `last` did with the same effort is not done again; and where it is cut short before anything is
-    /// better than in `last`, that is what it gives.
+    /// One pass, blended with `last`, or that where it is kept; and where it is cut short before anything is better than in
+    /// `last`, that is what it gives.
     fn pass<'b>(
         &'b self,
-        effort: &LightOptions,
+        next: &Next,
         last: Option<&Pass>,
         lookup: &dyn Fn() -> &'b Lookup<'b>,
         log: &mut Log,
         snapshots: Option<&Snapshots>,
     ) -> Result<Pass> {
         let Self { scene, plan, atlas, elements, emitters, sky, tracer, options } = *self;
-        let known = last.filter(|last| last.effort.direct == effort.direct);
+        let Next { light: effort, anew, shares } = next;
+        let known = last.filter(|_| !anew.direct);
         let direct = match known {
             Some(last) => Arc::clone(&last.direct),
             None => Arc::new(log.stage(Stage::Direct, elements.len() as u64, |progress| {
                 let direct =
                     direct::light(elements, emitters, plan, tracer, &effort.direct, effort.seed, progress);
                 let rays = direct.rays;
+                let direct = match last {
+                    Some(last) if !direct.unfinished => direct.blended(&last.direct, shares[0] as f32),
+                    _ => direct,
+                };
                 Ok((direct, rays))
             })?),
         };
@@ -121,8 +128,7 @@ impl<T: Tracer> Ground<'_, T> {
             return Ok(Pass { whole: false, ..last.clone() });
         }
         // What shadow borders are off by hardly shows in light that bounces, and the audit sees what does.
-        let kept =
-            last.filter(|last| (&last.effort.solve, &last.effort.gather) == (&effort.solve, &effort.gather));
+        let kept = last.filter(|_| !anew.reflected);
         let faint = Faint::new(elements, emitters, &direct, effort.seed);
         let reflected = if let Some(last) = kept {
             last.reflected.clone()
@@ -155,11 +161,20 @@ impl<T: Tracer> Ground<'_, T> {
             // Who sees only a part of the light cannot be shown one that is not there yet.
             let look: Option<Look> =
                 (snapshots.is_some() && (!sky_apart || before.is_some())).then_some(&show);
-            around.gather_all(&from, solved, before, effort, sky_apart, look, log)?
+            let found = around.gather_all(&from, solved, before, effort, sky_apart, look, log)?;
+            match before {
+                Some(before) if !log.cut() => found.blended(before, shares[1] as f32),
+                _ => found,
+            }
         } else {
             Reflected::nothing(elements.len())
         };
-        Ok(Pass { effort: effort.clone(), direct, reflected, audit: None, whole: !log.cut() })
+        let gather_rays = match (last, kept) {
+            (_, Some(kept)) => kept.gather_rays,
+            (Some(last), _) if shares[1] < 1.0 => last.gather_rays.saturating_add(effort.gather.rays),
+            _ => effort.gather.rays,
+        };
+        Ok(Pass { effort: effort.clone(), direct, reflected, gather_rays, audit: None, whole: !log.cut() })
     }
 
     /// How far off a pass is.
@@ -179,7 +194,7 @@ impl<T: Tracer> Ground<'_, T> {
         let reflections = pass.reflected.solved.as_ref().map(|solved| Reflections {
             irradiance: &pass.reflected.irradiance,
             gathered: &pass.reflected.gathered,
-            rays: effort.gather.rays,
+            rays: pass.gather_rays,
             lookup: lookup(),
             sky,
             coarse: plan.work.bounces.then_some((&solved.patches, &solved.smooth[..])),

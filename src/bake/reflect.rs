@@ -2,7 +2,7 @@
 
 use super::log::Log;
 use crate::atlas::Atlas;
-use crate::direct::{Direct, Faint};
+use crate::direct::{Direct, Faint, blend};
 use crate::elements::{self, Elements, Lookup, Patches};
 use crate::error::Result;
 use crate::gather::{self, Bright, Indirect, Surroundings};
@@ -58,6 +58,19 @@ impl Reflected {
     pub fn nothing(elements: usize) -> Self {
         let irradiance = vec![Irradiance::ZERO; elements];
         Self { irradiance, gathered: Vec::new(), sky: None, solved: None }
+    }
+}
+
+impl Reflected {
+    /// With this share of itself, and the rest of what was there before.
+    pub fn blended(mut self, before: &Self, share: f32) -> Self {
+        if share < 1.0 {
+            blend(&mut self.irradiance, &before.irradiance, share);
+            if let (Some(own), Some(before)) = (&mut self.sky, &before.sky) {
+                blend(own, before, share);
+            }
+        }
+        self
     }
 }
 

@@ -4,8 +4,9 @@ use super::Log;
 use super::passes::Pass;
 use crate::audit::Audit;
 use crate::error::Warning;
-use crate::options::{BakeOptions, Effort, ErrorBudget, Errors, Experience, Goal, LightOptions, growth};
+use crate::options::{Anew, BakeOptions, Effort, Errors, Experience, Goal, LightOptions, Step, growth};
 use crate::progress::Stage;
+use crate::sampling::mixed;
 use crate::text;
 
 /// Passes to a tolerance, at the most.
@@ -37,12 +38,31 @@ pub fn audit(options: &BakeOptions) -> (f64, f64) {
 
 const STAGES: [Stage; 3] = [Stage::Direct, Stage::Solve, Stage::Gather];
 
+/// Between the seeds of passes: 2³² by the golden ratio.
+const SEED_STEP: u32 = 0x9e37_79b9;
+
+/// A pass to come.
+pub struct Next {
+    pub light: LightOptions,
+    /// What of the last pass is not kept.
+    pub anew: Anew,
+    /// The shares of what it finds, direct and reflected, in the blends with what there is.
+    pub shares: [f64; 2],
+}
+
+impl Next {
+    /// One that begins from nothing.
+    fn alone(light: LightOptions) -> Self {
+        Self { light, anew: Anew { direct: true, reflected: true }, shares: [1.0; 2] }
+    }
+}
+
 /// Decides.
 pub struct Schedule<'a> {
     options: &'a BakeOptions,
     /// Passes so far.
     passes: usize,
-    effort: Effort,
+    step: Step,
     /// Seconds of the light stages and the audit before the last pass.
     before_s: [f64; 4],
     /// Seconds of the last audit.
@@ -62,7 +82,7 @@ impl<'a> Schedule<'a> {
         Self {
             options,
             passes: 0,
-            effort: Effort::all(0.0),
+            step: Step::whole(Effort::all(0.0)),
             before_s: [0.0; 4],
             audit_s: 0.0,
             last_error: None,
@@ -73,38 +93,42 @@ impl<'a> Schedule<'a> {
         }
     }
 
-    /// The settings of the first pass.
-    pub fn first(&mut self, log: &Log) -> LightOptions {
+    /// The first pass.
+    pub fn first(&mut self, log: &Log) -> Next {
         (self.passes, self.before_s) = (1, spent(log));
         match self.options.goal {
-            Goal::Effort if !self.draft_first() => return self.options.light.clone(),
-            Goal::Effort | Goal::Seconds(_) => {}
-            Goal::Tolerance(wanted) => self.effort = ErrorBudget::new(wanted).first_look(),
+            Goal::Effort if !self.draft_first() => Next::alone(self.options.light.clone()),
+            _ => self.of_step(),
         }
-        self.light()
     }
 
     /// Tells of a pass that is about to begin.
-    pub fn tell(&self, light: &LightOptions, log: &Log) {
-        log.run.observer.pass(self.passes, light, self.known.error(Effort::of(light)));
+    pub fn tell(&self, next: &Next, log: &Log) {
+        log.run.observer.pass(self.passes, &next.light, self.known.error(Effort::of(&next.light)));
     }
 
-    /// The settings of the present effort.
-    fn light(&self) -> LightOptions {
-        self.effort.light_of_pass(&self.options.light)
+    /// The pass that the present step asks for. Each has samples of its own.
+    fn of_step(&self) -> Next {
+        let mut light = self.step.effort.light_of_pass(&self.options.light);
+        if self.passes > 1 {
+            light.seed = mixed(light.seed.wrapping_add(SEED_STEP.wrapping_mul(self.passes as u32)));
+        }
+        Next { light, anew: self.step.anew, shares: self.known.shares(self.step) }
     }
 
-    /// The settings of the next pass; `None` when there is to be none.
-    pub fn next(&mut self, last: &Pass, log: &Log) -> Option<LightOptions> {
+    /// The next pass; `None` when there is to be none.
+    pub fn next(&mut self, last: &Pass, log: &Log) -> Option<Next> {
         if log.cancelled() {
             return None;
         }
+        self.passes += 1;
         let next = match self.options.goal {
-            Goal::Effort => (self.passes == 1 && self.draft_first()).then(|| self.options.light.clone()),
+            Goal::Effort => {
+                (self.passes == 2 && self.draft_first()).then(|| Next::alone(self.options.light.clone()))
+            }
             Goal::Tolerance(wanted) => self.of_tolerance(wanted, last.audit?),
             Goal::Seconds(seconds) => self.of_seconds(seconds, last, log),
         };
-        self.passes += 1;
         self.before_s = spent(log);
         next
     }
@@ -126,17 +150,17 @@ impl<'a> Schedule<'a> {
         }
     }
 
-    fn of_tolerance(&mut self, wanted: f64, audit: Audit) -> Option<LightOptions> {
+    fn of_tolerance(&mut self, wanted: f64, audit: Audit) -> Option<Next> {
         let at_most = (audit.total.powi(2) + 2.0 * audit.total * audit.uncertainty).sqrt();
         if audit.total <= wanted && at_most <= SURELY * wanted {
             return None;
         }
-        self.known.learn(self.effort, &parts_of(&audit));
+        self.known.learn(self.step, &parts_of(&audit));
         let gained = self.last_error.is_none_or(|before| audit.total < WORTHWHILE * before);
         self.idle = if gained { 0 } else { self.idle + 1 };
         self.last_error = Some(audit.total);
-        let out_of_reach = self.effort.beyond_help(&parts_of(&audit)) > wanted;
-        if out_of_reach || self.effort.is_most() || self.idle == MOST_IDLE || self.passes == MOST_PASSES {
+        let out_of_reach = self.step.effort.beyond_help(&parts_of(&audit)) > wanted;
+        if out_of_reach || self.step.effort.is_most() || self.idle == MOST_IDLE || self.passes > MOST_PASSES {
             self.warnings.push(Warning::new(
                 "tolerance",
                 format!(
@@ -150,31 +174,35 @@ impl<'a> Schedule<'a> {
         // What the estimate may be off by counts: where it is small enough but not surely, more effort makes it so.
         let surely = if audit.total <= wanted { at_most / audit.total } else { 1.0 };
         // Estimates err: what helped little may have been too little.
-        self.effort = self.effort.towards(&self.known, wanted / surely).raised(LEAST_STEP * self.idle as f64);
-        Some(self.light())
+        self.step = self.known.towards(wanted / surely);
+        if self.idle > 0 {
+            self.step = Step::whole(self.step.effort.raised(LEAST_STEP * self.idle as f64));
+        }
+        Some(self.of_step())
     }
 
-    fn of_seconds(&mut self, seconds: f64, last: &Pass, log: &Log) -> Option<LightOptions> {
+    fn of_seconds(&mut self, seconds: f64, last: &Pass, log: &Log) -> Option<Next> {
         if let Some(audit) = last.audit.filter(|_| last.whole) {
-            self.known.learn(self.effort, &parts_of(&audit));
+            self.known.learn(self.step, &parts_of(&audit));
         }
         let now = spent(log);
         self.audit_s = now[3] - self.before_s[3];
         let left = seconds - log.seconds();
         let left = left - self.audit_s.max(AUDIT_TIME * left);
-        if self.passes == 1 && left < 0.0 {
+        if self.passes == 2 && left < 0.0 {
             self.warnings.push(Warning::new(
                 "time",
                 format!("even a draft takes longer than the {seconds:.3} s it was given; this is one"),
             ));
         }
-        if left <= 0.0 || !last.whole || self.effort.is_most() {
+        if left <= 0.0 || !last.whole || self.step.effort.is_most() {
             return None;
         }
         let took: [f64; 3] = std::array::from_fn(|k| now[k] - self.before_s[k]);
         let predicted = |by: f64| -> f64 {
-            let to = self.effort.raised(by).light_of_pass(&self.options.light);
-            took.iter().zip(growth(&self.light(), &to)).map(|(seconds, growth)| seconds * growth).sum()
+            let [from, to] =
+                [0.0, by].map(|by| self.step.effort.raised(by).light_of_pass(&self.options.light));
+            took.iter().zip(growth(&from, &to)).map(|(seconds, growth)| seconds * growth).sum()
         };
         let highest = |limit: f64| {
             let steps = (2..=36).map(|k| f64::from(k) / 4.0);
@@ -182,8 +210,8 @@ impl<'a> Schedule<'a> {
         };
         let by =
             if left > FAR * took.iter().sum::<f64>() { highest(left / FAR) } else { highest(TRUST * left) };
-        self.effort = self.effort.raised(by.max(LEAST_STEP));
-        Some(self.light())
+        self.step = Step::whole(self.step.effort.raised(by.max(LEAST_STEP)));
+        Some(self.of_step())
     }
 }
 

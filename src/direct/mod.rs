@@ -110,7 +110,23 @@ pub struct Direct {
     pub unfinished: bool,
 }
 
+/// The blend of what was found with this share, and of what was there before.
+pub fn blend(found: &mut [Irradiance], before: &[Irradiance], share: f32) {
+    for (found, before) in found.iter_mut().zip(before) {
+        found.0 = before.0.lerp(found.0, share);
+    }
+}
+
 impl Direct {
+    /// With this share of itself, and the rest of what was there before; as it is where others count as bright now.
+    pub fn blended(mut self, before: &Self, share: f32) -> Self {
+        if share < 1.0 && self.bright == before.bright {
+            blend(&mut self.irradiance, &before.irradiance, share);
+            self.refined.iter_mut().zip(&before.refined).for_each(|(own, before)| *own |= before);
+        }
+        self
+    }
+
     /// The emitters in the rooms of a chart's side, ascending.
     fn candidates(&self, chart: u32) -> &[u32] {
         &self.candidates[self.candidates_of_chart[chart as usize] as usize]

@@ -46,9 +46,12 @@ pub(super) fn add(foreseen: &mut Forecast, audit: &Audit, share: f64, whole: &Wh
         .map(|error| {
             let (passes, within_reach) = known.passes_to(error);
             let (mut seconds, mut rays) = (rest, whole.loads[0].rays);
-            for (effort, likely) in passes {
-                let light = effort.light_of_pass(&options.light);
-                let (took, sent) = pass(whole, growth(&options.light, &light));
+            for (step, likely) in passes {
+                let light = step.effort.light_of_pass(&options.light);
+                let [direct, solve, gather] = growth(&options.light, &light);
+                let [straight, reflected] =
+                    [step.anew.direct, step.anew.reflected].map(|anew| f64::from(u8::from(anew)));
+                let (took, sent) = pass(whole, [straight * direct, reflected * solve, reflected * gather]);
                 let audit = audit_rays(AUDITS, sent);
                 seconds += likely * (took + whole.audit_seconds(audit));
                 rays += likely * (sent + audit);

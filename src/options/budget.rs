@@ -5,7 +5,6 @@
 //! levels; what a rung usually errs was measured on the fixtures, and only says where to begin: a bake to a tolerance
 //! measures, and goes on from there.
 
-use super::experience::Experience;
 use super::{DirectOptions, GatherOptions, LightOptions, Quality, SolveOptions};
 
 /// What the rungs usually err, as a share of the mean light: `study accuracy`, fixtures at 256².
@@ -19,16 +18,11 @@ pub(super) const MOST: Effort = Effort { direct: 7.0, solve: 5.0, gather: 6.5, n
 /// their rays (a = 1/1.2) and by their nodes (a about 0.4).
 pub(super) const SHARES: [f64; PARTS] = [0.25, 0.15, 0.4, 0.2];
 pub(super) const PARTS: usize = 4;
-/// Estimates are off themselves, so a little less than what is allowed is aimed at.
-const AIM: f64 = 0.75;
-/// A smaller step up is not worth doing a stage again.
-const LEAST_STEP: f64 = 0.25;
-
-/// A pass to a tolerance begins so many rungs below where it is likely to end.
-const LOOK_BELOW: f64 = 1.5;
 /// Above this rung what few probes miss, shadows smaller than a texel, is more than what shadow rays err: passes to a goal
 /// refine every texel.
 const REFINED_EVERYWHERE: f64 = 2.0;
+/// The lowest place that does.
+pub(super) const LEAST_REFINED: f64 = REFINED_EVERYWHERE + 0.01;
 /// The share of texels that a shadow border passes, about.
 const BORDERS: f64 = 0.12;
 
@@ -93,11 +87,6 @@ impl ErrorBudget {
         Self::new(USUAL[quality as usize])
     }
 
-    /// Where the passes to it begin: a look costs a fraction of the rest.
-    pub fn first_look(&self) -> Effort {
-        self.effort().raised(-LOOK_BELOW)
-    }
-
     /// The places where stages usually err as much.
     pub fn effort(&self) -> Effort {
         let parts = self.parts();
@@ -111,7 +100,7 @@ impl Effort {
         Self::of_parts([place; PARTS]).within_reach()
     }
 
-    fn of_parts([direct, solve, gather, nodes]: [f64; PARTS]) -> Self {
+    pub(super) fn of_parts([direct, solve, gather, nodes]: [f64; PARTS]) -> Self {
         Self { direct, solve, gather, nodes }
     }
 
@@ -120,7 +109,7 @@ impl Effort {
     }
 
     /// Neither below draft nor beyond what is of use.
-    fn within_reach(self) -> Self {
+    pub(super) fn within_reach(self) -> Self {
         let (parts, most) = (self.parts(), MOST.parts());
         Self::of_parts(std::array::from_fn(|k| parts[k].clamp(0.0, most[k])))
     }
@@ -158,10 +147,15 @@ impl Effort {
         }
     }
 
+    /// Whether a pass to a goal refines every texel that may be in shadow.
+    pub(super) fn refines_everywhere(&self) -> bool {
+        self.direct > REFINED_EVERYWHERE
+    }
+
     /// The settings of a pass to a goal.
     pub fn light_of_pass(&self, base: &LightOptions) -> LightOptions {
         let mut light = self.light(base);
-        if self.direct > REFINED_EVERYWHERE {
+        if self.refines_everywhere() {
             light.direct.probe_rays = 0;
         }
         light
@@ -176,38 +170,6 @@ impl Effort {
             nodes: place_of(&NODES, 0, node_tolerance(&light.gather)),
         }
         .within_reach()
-    }
-
-    /// Where to go from here to be off by no more than `wanted` in all. What a stage does not need of its share is left to
-    /// the others.
-    pub fn towards(self, known: &Experience, wanted: f64) -> Self {
-        let at = self.parts();
-        let aim = (AIM * wanted).powi(2);
-        let off = known.squares(self).map(|square| square.max(1e-18));
-        let (mut left, mut shares, mut short) = (aim, 1.0, [true; PARTS]);
-        // Stages that err less than their share keep what they have, which leaves more for the others: at most thrice.
-        for _ in 0..PARTS {
-            for k in 0..PARTS {
-                if short[k] && off[k] <= left * SHARES[k] / shares {
-                    (short[k], left, shares) = (false, left - off[k], shares - SHARES[k]);
-                }
-            }
-        }
-        let mut places = at;
-        for k in (0..PARTS).filter(|&k| short[k]) {
-            let allowed = (left.max(0.0) * SHARES[k] / shares).max(1e-18);
-            let wanted = place(usual(at[k]) * (allowed / off[k]).sqrt());
-            if wanted >= at[k] + LEAST_STEP {
-                places[k] = wanted;
-            }
-        }
-        if places == at {
-            // What errs most of what can do more.
-            let worst =
-                (0..PARTS).filter(|&k| at[k] < MOST.parts()[k]).max_by(|&a, &b| off[a].total_cmp(&off[b]));
-            places[worst.unwrap_or(0)] += 2.0 * LEAST_STEP;
-        }
-        Self::of_parts(places).within_reach()
     }
 
     /// The error of the parts that could not do more.
@@ -265,7 +227,7 @@ pub(super) fn usual(place: f64) -> f64 {
 }
 
 /// The place that usually errs so much; below the first rung and beyond the last in their neighbours' ratios.
-fn place(error: f64) -> f64 {
+pub(super) fn place(error: f64) -> f64 {
     // The errors of rungs are their places to the last bit, so that levels are what they are.
     if let Some(rung) = USUAL.iter().position(|usual| (error / usual - 1.0).abs() < 1e-12) {
         return rung as f64;
@@ -323,43 +285,6 @@ mod tests {
         let budget = ErrorBudget::new(0.01);
         let square: f64 = budget.parts().iter().map(|part| part * part).sum();
         assert!((square.sqrt() - budget.total).abs() < 1e-12);
-    }
-
-    #[test]
-    fn who_errs_works_more_and_who_does_not_stays() {
-        let found = Errors {
-            total: 0.02,
-            direct: 0.0005,
-            solve: 0.001,
-            gather: 0.02,
-            interpolation: 0.0008,
-            between_texels: 0.0,
-        };
-        let from = Effort::all(1.0);
-        let mut known = Experience::default();
-        // Many looks that say the same leave nothing of what is usual.
-        (0..100_000).for_each(|_| known.learn(from, &found));
-        let to = from.towards(&known, 0.01);
-        assert_eq!((to.direct, to.solve, to.nodes), (from.direct, from.solve, from.nodes));
-        // By the usual errors, gather's part comes down to what is left of the aim.
-        let left = [0.0005_f64, 0.001, 0.0008]
-            .iter()
-            .fold((AIM * 0.01).powi(2), |left, part| left - part * part)
-            .sqrt();
-        assert!((0.02 * usual(to.gather) / usual(1.0) - left).abs() < 1e-5);
-        let all = Errors {
-            total: 0.12,
-            direct: 0.06,
-            solve: 0.06,
-            gather: 0.06,
-            interpolation: 0.06,
-            between_texels: 0.0,
-        };
-        let mut known = Experience::default();
-        known.learn(from, &all);
-        let to = from.towards(&known, 0.01);
-        assert!(to.parts().iter().all(|&place| place > 2.0));
-        assert!(from.towards(&known, 1e-12).is_most());
     }
 
     #[test]
