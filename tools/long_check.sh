@@ -3,7 +3,7 @@
 #
 # usage: tools/long_check.sh [MINUTES [DIR]]   fuzzes for MINUTES in all (default: 60), keeps pictures, reports and crashes
 #                                              in DIR (default: target/long)
-#        tools/long_check.sh --only PART...    parts: fuzz kills debug memory effects blender
+#        tools/long_check.sh --only PART...    parts: fuzz kills debug memory miri effects blender
 # fuzz     every target of fuzz/ in turn, from the fixtures and, where they lie beside the project, scenes of others
 # kills    500 bakes killed instead of 50, 20,000 damaged files instead of 1,500
 # debug    the tests of the numeric stages with debug assertions, which check the laws after every step of every solver,
@@ -11,17 +11,18 @@
 # memory   valgrind's memcheck over what calls xatlas, which is C++, and over bakes of damaged files; xatlas alone under
 #          AddressSanitizer and UndefinedBehaviorSanitizer with random meshes, for five minutes; Rust and C++ together under
 #          AddressSanitizer, in the tests of the stages, of damaged files and of bakes
+# miri     the unit tests of what is Rust alone under Miri, which interprets them and finds undefined behaviour
 # effects  instructions of bakes with and without the code of effects that the scene does not call for
 # blender  round trips of .blend files that the project did not make, of the fixtures against Cycles, and of the light that
 #          glTF drops in the next Blender too; pictures in EEVEE
 #
-# Installs cargo-fuzz into target/tools and, where apt-get is there, valgrind. Fuzzing and sanitizing need a nightly toolchain
-# (`rustup toolchain install nightly`). The part `blender` needs what tools/check.sh needs, after it ran once; Debian's package
-# assimp-testmodels, fetched with apt-get, for the foreign scenes; and OpenGL (libegl1, libgl1-mesa-dri) for EEVEE; it takes
-# about 20 minutes on two cores.
+# Installs cargo-fuzz into target/tools, Miri into the nightly toolchain and, where apt-get is there, valgrind. Fuzzing,
+# sanitizing and Miri need that toolchain (`rustup toolchain install nightly`). The part `blender` needs what tools/check.sh
+# needs, after it ran once; Debian's package assimp-testmodels, fetched with apt-get, for the foreign scenes; and OpenGL
+# (libegl1, libgl1-mesa-dri) for EEVEE; it takes about 20 minutes on two cores.
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
-minutes=60 out=target/long parts=(fuzz kills debug memory effects blender)
+minutes=60 out=target/long parts=(fuzz kills debug memory miri effects blender)
 if [[ ${1-} == --only ]]; then
   shift
   parts=("$@")
@@ -121,6 +122,24 @@ memory() {
     sanitize 300 && sanitize_rust
 }
 
+# Miri interprets, some thousand times slower than a processor: tests of trees do a little of what they do else, see `tries`
+# in src/transport/tests. Left out: what calls xatlas, which is C++; what hands work to threads, since crossbeam is not made
+# for the rules of Stacked Borrows; what decodes pictures or bakes; and whatever takes minutes without touching more memory.
+undefined() {
+  cargo +nightly miri --version >/dev/null 2>&1 || rustup component add miri rust-src --toolchain nightly || return
+  local modules=(transport::tests:: sampling:: units:: text:: report:: elements::clip elements::spot gather::interpolate
+    solve::facets solve::queue solve::rows export::gltf::texcoord export::lookup export::uri plan::columns plan::lamps
+    import::accessor import::container import::exponents import::extensions import::json import::primitive
+    import::uri::tests::decodes import::uri::tests::refuses atlas::coverage atlas::metric check::layout
+    hemicube::tests::an_open polygon::tests::degenerate polygon::tests::touching polygon::tests::a_receiver
+    sobol::tests::different)
+  local left_out=(many_names_for_one_accessor the_patch_found_has_nearly collecting_gives the_transposed_of_many)
+  local -x MIRIFLAGS=-Zmiri-disable-isolation PROPTEST_CASES=2
+  # Miri asks the build, not the processor, for wide instructions.
+  [[ $(uname -m) != x86_64 ]] || local -x RUSTFLAGS='-C target-feature=+avx2,+fma,+bmi1'
+  cargo +nightly miri test --lib -- "${modules[@]}" "${left_out[@]/#/--skip=}"
+}
+
 round_trip() { # NAME PYTHON ARGUMENTS...: counted by its closing line
   local name=$1 python=$2 good bad
   shift 2
@@ -161,6 +180,7 @@ for part in "${parts[@]}"; do
     kills) check "kills and damage" kills ;;
     debug) check "debug assertions" debug ;;
     memory) check "valgrind and sanitizers" memory ;;
+    miri) check "Miri" undefined ;;
     effects) check "code of absent effects" python3 tools/absent_effects.py ;;
     blender) blender ;;
     *)

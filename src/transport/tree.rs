@@ -5,6 +5,7 @@ use super::collapse::Collapse;
 use super::lanes::Processor;
 use super::pages::Pages;
 use glam::Vec3;
+use std::ops::Range;
 
 /// Children of a node.
 pub(super) const WIDTH: usize = 8;
@@ -39,6 +40,7 @@ pub(super) struct Node {
 /// each, the last of which may be those of the next row.
 #[derive(Clone, Copy)]
 pub(super) struct Block<'a> {
+    /// Its records and [`LANES`] words more, which are read with the last rows.
     words: &'a [u32],
     count: usize,
 }
@@ -46,6 +48,7 @@ pub(super) struct Block<'a> {
 /// The triangles of a leaf: blocks one after the other, all full but the last.
 #[derive(Clone, Copy)]
 pub(super) struct Leaf<'a> {
+    /// Its records and [`LANES`] words more, as those of its last block.
     words: &'a [u32],
     count: usize,
 }
@@ -90,14 +93,14 @@ impl Tree {
         let (first, count) = (node.child[child] as usize, usize::from(node.count[child]));
         debug_assert!(count > 0 && (first + count) * RECORD + LANES <= self.words.len());
         // SAFETY: leaves name the tree's own words.
-        Leaf { words: unsafe { self.words.get_unchecked(first * RECORD..(first + count) * RECORD) }, count }
+        Leaf { words: unsafe { self.words.get_unchecked(records(first, count)) }, count }
     }
 
     /// All triangles of a tiny world.
     #[inline(always)]
     pub fn tiny(&self) -> Leaf<'_> {
         let count = self.words.len() / (LANES * RECORD) * LANES;
-        Leaf { words: &self.words[..count * RECORD], count }
+        Leaf { words: &self.words, count }
     }
 
     /// All leaves.
@@ -141,7 +144,7 @@ impl<'a> Leaf<'a> {
     fn block_of(&self, start: usize, count: usize) -> Block<'a> {
         debug_assert!(start.is_multiple_of(LANES) && start + count <= self.count);
         // SAFETY: records of the leaf.
-        Block { words: unsafe { self.words.get_unchecked(start * RECORD..(start + count) * RECORD) }, count }
+        Block { words: unsafe { self.words.get_unchecked(records(start, count)) }, count }
     }
 }
 
@@ -175,6 +178,12 @@ impl Block<'_> {
         // SAFETY: the tenth row.
         unsafe { *self.words.get_unchecked(9 * self.count + lane) }
     }
+}
+
+/// The words of records, with those that wide reads of the last rows take in.
+#[inline(always)]
+fn records(first: usize, count: usize) -> Range<usize> {
+    first * RECORD..(first + count) * RECORD + LANES
 }
 
 impl Node {

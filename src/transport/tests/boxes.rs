@@ -1,6 +1,6 @@
 //! No box is missed that holds a triangle the hit test meets.
 
-use super::shapes::Random;
+use super::shapes::{Random, tries};
 use crate::transport::Ray;
 use crate::transport::build::{Binary, padded};
 #[cfg(target_arch = "x86_64")]
@@ -56,11 +56,11 @@ fn boxes_hold_what_the_hit_test_meets() {
     let mut random = Random::new(41);
     let (mut met, all): (usize, Vec<u32>) = (0, (0..WIDTH as u32).collect());
     for scale in [1e-3, 1.0, 1e6] {
-        for _ in 0..500 {
+        for _ in 0..tries(500, 2) {
             let corners = triangles(&mut random, scale);
             let tree = Tree::new(&Binary::new(&corners, &all), &corners, |_| false);
             let (node, block) = (node_over(&corners), tree.tiny().block(0));
-            for _ in 0..400 {
+            for _ in 0..tries(400, 20) {
                 let triangle = corners[random.bits() as usize % WIDTH];
                 let ray = ray_to(&mut random, triangle, scale);
                 let sheared = Sheared::new(&ray).unwrap();
@@ -82,5 +82,5 @@ fn boxes_hold_what_the_hit_test_meets() {
         }
     }
     // Corners and edges are met by about half of the rays: the target itself was rounded.
-    assert!(met > 200_000, "{met}");
+    assert!(met > tries(500 * 400, 2 * 20), "{met}");
 }

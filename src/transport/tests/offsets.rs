@@ -1,6 +1,6 @@
 //! Rays start and end on surfaces without meeting them, in millimetres and in thousands of kilometres.
 
-use super::shapes::{Random, cube, icosphere, placed};
+use super::shapes::{Random, cube, icosphere, placed, tries};
 use crate::transport::{OpaqueTracer, Ray, Tracer, World, segment_to_surface};
 use glam::{DVec3, Vec3};
 
@@ -21,7 +21,7 @@ fn point(random: &mut Random, world: &World) -> (u32, Vec3, Vec3) {
 }
 
 fn rooms() -> impl Iterator<Item = (String, World)> {
-    let meshes = [("cube", cube()), ("sphere", icosphere(2))];
+    let meshes = [("cube", cube()), ("sphere", icosphere(tries(2, 0)))];
     let places = SCALES.into_iter().flat_map(|scale| AWAY.map(|away| (scale, away)));
     places.flat_map(move |(scale, away)| {
         meshes.clone().map(|(name, mesh)| {
@@ -36,7 +36,7 @@ fn a_ray_that_leaves_a_surface_does_not_meet_it() {
     let mut random = Random::new(31);
     for (what, world) in rooms() {
         let tracer = OpaqueTracer::new(&world);
-        for _ in 0..10_000 {
+        for _ in 0..tries(10_000, 5) {
             let (triangle, position, normal) = point(&mut random, &world);
             let mut direction = random.direction();
             // Half of them graze: up to a thousandth above the plane.
@@ -60,7 +60,7 @@ fn a_segment_to_a_surface_ends_before_it() {
     let mut random = Random::new(32);
     for (what, world) in rooms() {
         let tracer = OpaqueTracer::new(&world);
-        for _ in 0..10_000 {
+        for _ in 0..tries(10_000, 5) {
             let (from, start, normal) = point(&mut random, &world);
             let (to, end, normal_end) = point(&mut random, &world);
             let toward = (end - start).as_dvec3().normalize();

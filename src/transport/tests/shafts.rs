@@ -1,4 +1,4 @@
-use super::shapes::{Random, cube, placed, soup};
+use super::shapes::{Random, cube, placed, soup, tries};
 use crate::transport::{OpaqueTracer, Shaft, Tracer, World, segment};
 use glam::{DVec3, Vec3};
 
@@ -19,17 +19,18 @@ fn small_box(random: &mut Random, size: f32) -> [Vec3; 2] {
 fn what_a_ray_meets_reaches_into_the_shaft() {
     let mut random = Random::new(11);
     let (mut empty, mut met) = (0, 0);
-    for round in 0..400 {
-        let (count, size) = ([6, 40, 200, 900][round % 4], [0.4, 0.1, 0.05, 0.3][round / 4 % 4]);
+    for round in 0..tries(400, 8) {
+        let (count, size) =
+            ([6, 40, tries(200, 60), tries(900, 90)][round % 4], [0.4, 0.1, 0.05, 0.3][round / 4 % 4]);
         let offset = [0.0, 100.0][round / 16 % 2];
         let moved = |t: [Vec3; 3]| t.map(|c| c + Vec3::splat(offset));
         let world = World::opaque(soup(&mut random, count, size).into_iter().map(moved).collect());
         let [from, to] = [0.3, 0.5].map(|size| small_box(&mut random, size).map(|c| c + Vec3::splat(offset)));
         let mut found = Vec::new();
         assert!(world.reaching_into(&Shaft::new(from, to), usize::MAX, &mut found));
-        empty += u32::from(found.is_empty());
+        empty += usize::from(found.is_empty());
         let tracer = OpaqueTracer::new(&world);
-        for _ in 0..200 {
+        for _ in 0..tries(200, 10) {
             let ray = segment(within(&mut random, from), within(&mut random, to));
             if let Some(hit) = tracer.closest(&ray) {
                 met += 1;
@@ -41,7 +42,10 @@ fn what_a_ray_meets_reaches_into_the_shaft() {
             }
         }
     }
-    assert!(empty > 40 && met > 10_000, "{empty} empty shafts and {met} hits show nothing");
+    assert!(
+        empty > tries(40, 2) && met > tries(10_000, 4),
+        "{empty} empty shafts and {met} hits show nothing"
+    );
 }
 
 #[test]
@@ -67,7 +71,7 @@ fn a_plane_parts_what_counts_from_what_does_not() {
 #[test]
 fn more_than_were_asked_for_are_told() {
     let mut random = Random::new(3);
-    let world = World::opaque(soup(&mut random, 500, 0.5));
+    let world = World::opaque(soup(&mut random, tries(500, 200), 0.5));
     let shaft = || Shaft::new([Vec3::splat(-0.1), Vec3::ZERO], [Vec3::ONE, Vec3::ONE]);
     let mut found = Vec::new();
     assert!(!world.reaching_into(&shaft(), 5, &mut found));

@@ -5,6 +5,12 @@ use crate::transport::shear::Sheared;
 use crate::transport::tree::LANES;
 use glam::{DVec3, Vec3};
 
+/// How often to try: seldom under Miri, which takes thousands of times as long and for which each ray is a trial of
+/// every access it makes.
+pub fn tries(many: usize, under_miri: usize) -> usize {
+    if cfg!(miri) { under_miri } else { many }
+}
+
 /// PCG32 (O'Neill 2014).
 pub struct Random(u64);
 

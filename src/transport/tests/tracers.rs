@@ -1,4 +1,4 @@
-use super::shapes::{Random, brute_force, independent, soup};
+use super::shapes::{Random, brute_force, independent, soup, tries};
 use crate::scene::{Alpha, Geometry, GeometryId, Material, MaterialId, Role, Scene, Surface};
 use crate::transport::{Blocking, OpaqueTracer, Ray, Tracer, World};
 use crate::with_tracer;
@@ -56,10 +56,10 @@ fn indices_map_back_to_surfaces() {
 #[test]
 fn the_tree_finds_what_trying_every_triangle_finds() {
     let mut random = Random::new(1);
-    for (count, size) in [(1, 1.0), (7, 0.5), (300, 0.3), (5000, 0.05)] {
+    for (count, size) in [(1, 1.0), (7, 0.5), (tries(300, 60), 0.3), (tries(5000, 150), 0.05)] {
         let world = World::opaque(soup(&mut random, count, size));
         let tracer = OpaqueTracer::new(&world);
-        for _ in 0..2000 {
+        for _ in 0..tries(2000, 6) {
             let ray =
                 Ray { t_max: random.unit() * 3.0, ..Ray::unbounded(random.cube() * 1.5, random.direction()) };
             let found = tracer.closest(&ray);
@@ -74,7 +74,7 @@ fn hits_agree_with_an_independent_test_in_f64() {
     let mut random = Random::new(2);
     let world = World::opaque(soup(&mut random, 200, 0.4));
     let tracer = OpaqueTracer::new(&world);
-    for _ in 0..5000 {
+    for _ in 0..tries(5000, 10) {
         let ray = Ray::unbounded(random.cube(), random.direction());
         let hits = (0..200).filter_map(|t| Some((independent(&ray, &world.corners(t))?, t)));
         let nearest = hits.min_by(|a, b| a.0.0.total_cmp(&b.0.0));
@@ -140,7 +140,7 @@ fn broken_triangles_stop_nothing_and_keep_their_index() {
 
 #[test]
 fn thousands_of_equal_triangles_do_no_harm() {
-    let world = World::opaque(vec![[Vec3::NEG_X * 3.0, Vec3::X * 3.0, Vec3::Y * 3.0]; 5000]);
+    let world = World::opaque(vec![[Vec3::NEG_X * 3.0, Vec3::X * 3.0, Vec3::Y * 3.0]; tries(5000, 60)]);
     let hit = OpaqueTracer::new(&world).closest(&down()).unwrap();
     assert_eq!((hit.triangle, hit.t), (0, 10.0));
 }
