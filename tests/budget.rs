@@ -158,10 +158,8 @@ fn a_tolerance_is_approached_from_above_and_costs_what_it_must() {
         let errors = ear.errors.into_inner().unwrap();
         // Each of them is an estimate of its own.
         assert!(errors.windows(2).all(|pair| pair[1] < SURELY * pair[0]), "{errors:?}");
-        assert!(
-            errors.last().is_some_and(|last| *last <= wanted && *last < errors[0]),
-            "{wanted}: {errors:?}"
-        );
+        let last = *errors.last().expect("it is audited");
+        assert!(last <= wanted && (errors.len() == 1 || last < errors[0]), "{wanted}: {errors:?}");
         assert_eq!(ear.passes.into_inner().unwrap().len(), errors.len());
         assert_eq!(lit.light.estimated_error, errors.last().copied());
         assert!(lit.light.rays > rays, "{wanted} costs no more than twice that");

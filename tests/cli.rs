@@ -117,8 +117,8 @@ fn wrong_usage_exits_with_two() {
     place.run("bakes cornell.glb").exits(2).says(&["bakes", "tip", "bake"]);
     bake("--no-such-thing").says(&["--no-such-thing"]);
     bake("--quality best").says(&["draft", "reference"]);
-    bake("--page-size 8").says(&["16..=16384"]);
-    bake("--page-size 32768").says(&["16..=16384"]);
+    bake("--page-size 8").says(&["from 16 to 16384"]);
+    bake("--page-size 32768").says(&["from 16 to 16384"]);
     bake("--max-pages 0").says(&["--max-pages"]);
     bake("--density -3").says(&["above 0"]);
     bake("--sky 1,2").says(&["0.35,0.55,1.0"]);
