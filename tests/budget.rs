@@ -21,6 +21,9 @@ const FACTOR: f64 = 1.5;
 const NOTHING: f64 = 1e-3;
 /// What two estimates one after the other may differ by: half a factor each.
 const SURELY: f64 = 1.22;
+/// What a tolerance may cost where a level reaches it, in rays of the cheapest one: a draft, which costs no more than that; a pass
+/// that aims at 0.85 of the tolerance, for which rays grow by the power 2/1.2, 1.31; and 0.18 of both for audits.
+const COSTLIEST: f64 = 1.18 * (1.0 + 1.31);
 const PAGE: u32 = 128;
 const LEVELS: [Quality; 4] = [Quality::Draft, Quality::Preview, Quality::Good, Quality::High];
 
@@ -92,7 +95,11 @@ fn holds(fixture: &str) {
         let error = error(&lit, &truth);
         let given_up = lit.warnings.iter().any(|warning| warning.at == "tolerance");
         let best = levels.iter().filter(|(error, _)| *error <= wanted).map(|(_, rays)| *rays).min();
-        println!("{fixture} {wanted}: {error:.5}, {} rays; level {best:?}; {levels:?}", lit.light.rays);
+        let cost = best.map_or(0.0, |best| lit.light.rays as f64 / best as f64);
+        assert!(
+            cost <= COSTLIEST,
+            "{fixture}: {wanted} costs {cost:.2} times the cheapest level that reaches it"
+        );
         assert!(error <= FACTOR * wanted, "{fixture}: {error:.5} for a tolerance of {wanted}");
         assert!(!given_up, "{fixture}: a tolerance of {wanted} is in reach");
     }

@@ -71,7 +71,6 @@ fn what_accuracy_costs_is_foretold() {
             let lit = lightkiln::bake::light(&scene, &goal, &Run::default()).expect("it can be baked");
             let (told, sent) = (price.rays as f64, lit.light.rays as f64);
             assert!(price.within_reach, "{name}: {price:?}");
-            println!("{name} {}: {told:.3e} rays told, {sent:.3e} sent, {:.2}", price.error, told / sent);
             assert!(within(told, sent, ray_factor()), "{name}: {price:?}, but {sent} rays sent");
             near.push(within(told, sent, 2.0));
         }
