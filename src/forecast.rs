@@ -34,6 +34,8 @@ const TRIALS: [(f64, [f32; 2]); 3] =
 const REPEATS: usize = 3;
 /// Trials are repeated until they took this long together, seconds.
 const SHORT_SECONDS: f64 = 0.3;
+/// A stage that took as long in a trial tells by itself how it grows with the density.
+const MEASURED_WELL_S: f64 = 0.02;
 /// Stages that send rays, in the order they run.
 const OF_RAYS: [Stage; 4] = [Stage::Elements, Stage::Direct, Stage::Solve, Stage::Gather];
 /// An audit goes on to the end of a round beyond its least rays.
@@ -237,7 +239,15 @@ fn foresee(
     }
     foreseen.stages.push((Stage::Transport, of(1, Stage::Transport).0));
     let pace = all.of_all();
-    let whole = Whole { loads, paces: speeds.map(|speed| speed.beside(pace)), ran: OF_RAYS.map(ran), pace };
+    let mut paces = speeds.map(|speed| speed.beside(pace));
+    // Whether a light costs by texels or by the rays at borders is its own, too: an image that glows is asked at every texel.
+    let took = [0, 1].map(|k| of(k, Stage::Direct).0);
+    if took[1] >= MEASURED_WELL_S
+        && let Some(direct) = OF_RAYS.iter().position(|stage| *stage == Stage::Direct)
+    {
+        paces[direct] = grown(shares, took) / model::seconds(Stage::Direct, &loads[direct]);
+    }
+    let whole = Whole { loads, paces, ran: OF_RAYS.map(ran), pace };
     for (i, stage) in OF_RAYS.into_iter().enumerate().filter(|&(_, stage)| ran(stage)) {
         foreseen.stages.push((stage, whole.seconds(i, &loads[i])));
     }
