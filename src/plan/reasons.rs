@@ -91,13 +91,14 @@ pub(super) fn sky(facts: &Facts) -> Called {
 
 fn closed_rooms(facts: &Facts) -> Evidence {
     let scene = facts.scene;
-    // The inside of a solid is as sealed, but nobody would call it a room.
+    // The inside of a solid is as sealed, but nobody would call it a room: that has a light in it, or other things.
     let has_anything = |room: &u32| {
         let lamp = facts.rooms.of_lamp.iter().any(|within| within.contains(room));
         let takes_or_gives = |surface: usize| {
             let sides = facts.lit[surface].both().into_iter().zip(&facts.rooms.of_side[surface]);
             let within = |(side, rooms): (Side, &Vec<u32>)| {
-                rooms.contains(room) && (side != Side::Dark || scene.surfaces[surface].role == Role::Emits)
+                let other = scene.surfaces[surface].origin.name != facts.rooms.names[*room as usize];
+                rooms.contains(room) && (emits(scene, surface) || other && side != Side::Dark)
             };
             sides.into_iter().any(within)
         };
