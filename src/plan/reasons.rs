@@ -98,7 +98,8 @@ fn closed_rooms(facts: &Facts) -> Evidence {
             let sides = facts.lit[surface].both().into_iter().zip(&facts.rooms.of_side[surface]);
             let within = |(side, rooms): (Side, &Vec<u32>)| {
                 let other = scene.surfaces[surface].origin.name != facts.rooms.names[*room as usize];
-                rooms.contains(room) && (emits(scene, surface) || other && side != Side::Dark)
+                rooms.contains(room)
+                    && (emits(scene, surface) || side != Side::Dark && (other || rooms.len() == 1))
             };
             sides.into_iter().any(within)
         };
