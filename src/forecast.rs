@@ -106,9 +106,10 @@ impl Forecast {
 pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forecast> {
     in_pool(run.threads, || {
         let begun = (run.clock)();
-        let sizing = options.atlas.between_texels.is_some();
+        let sizes = options.atlas.between_texels.is_some();
         let options = &sized(scene, options, run)?;
         let started = (run.clock)();
+        let sizing = sizes.then_some((Stage::Sizing, started - begun));
         let wanted = wanted(options);
         let proven = Proven::new(scene, wanted.direct_alone);
         let plan = proven.plan(&wanted.forced);
@@ -124,14 +125,10 @@ pub fn forecast(scene: &Scene, options: &BakeOptions, run: &Run) -> Result<Forec
             page_size_texels: exported().map(|page| page.size_texels).max().unwrap_or(0),
             density_texels_per_m: atlas.density,
             memory_bytes: memory::predict_planned(scene, &atlas, &plan, options.light.solve.patches),
-            stages: [
-                (Stage::Sizing, started - begun),
-                (Stage::Plan, planned - started),
-                (Stage::Atlas, unwrapped - planned),
-            ]
-            .into_iter()
-            .filter(|(stage, _)| sizing || *stage != Stage::Sizing)
-            .collect(),
+            stages: sizing
+                .into_iter()
+                .chain([(Stage::Plan, planned - started), (Stage::Atlas, unwrapped - planned)])
+                .collect(),
             effects: plan.effects,
             ..Forecast::default()
         };
@@ -239,14 +236,14 @@ fn foresee(
     }
     foreseen.stages.push((Stage::Transport, of(1, Stage::Transport).0));
     let pace = all.of_all();
-    let mut paces = speeds.map(|speed| speed.beside(pace));
     // Whether a light costs by texels or by the rays at borders is its own, too: an image that glows is asked at every texel.
     let took = [0, 1].map(|k| of(k, Stage::Direct).0);
-    if took[1] >= MEASURED_WELL_S
-        && let Some(direct) = OF_RAYS.iter().position(|stage| *stage == Stage::Direct)
-    {
-        paces[direct] = grown(shares, took) / model::seconds(Stage::Direct, &loads[direct]);
-    }
+    let paces = std::array::from_fn(|i| match OF_RAYS[i] {
+        Stage::Direct if took[1] >= MEASURED_WELL_S => {
+            grown(shares, took) / model::seconds(Stage::Direct, &loads[i])
+        }
+        _ => speeds[i].beside(pace),
+    });
     let whole = Whole { loads, paces, ran: OF_RAYS.map(ran), pace };
     for (i, stage) in OF_RAYS.into_iter().enumerate().filter(|&(_, stage)| ran(stage)) {
         foreseen.stages.push((stage, whole.seconds(i, &loads[i])));

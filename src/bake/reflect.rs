@@ -59,9 +59,7 @@ impl Reflected {
         let irradiance = vec![Irradiance::ZERO; elements];
         Self { irradiance, gathered: Vec::new(), sky: None, solved: None }
     }
-}
 
-impl Reflected {
     /// With this share of itself, and the rest of what was there before.
     pub fn blended(mut self, before: &Self, share: f32) -> Self {
         if share < 1.0 {

@@ -53,7 +53,7 @@ pub struct Next {
 impl Next {
     /// One that begins from nothing.
     fn alone(light: LightOptions) -> Self {
-        Self { light, anew: Anew { direct: true, reflected: true }, shares: [1.0; 2] }
+        Self { light, anew: Anew::ALL, shares: [1.0; 2] }
     }
 }
 

@@ -1,7 +1,7 @@
 //! How far a bake is and how long it will take: stages weighted by what they usually cost, corrected by what they
 //! did cost. Pure arithmetic; whoever has a clock passes the time in.
 
-use lightkiln::options::{LightOptions, Quality};
+use lightkiln::options::{LightOptions, Quality, growth};
 use lightkiln::progress::Stage;
 
 /// Usual cost of each stage at quality `good`, in shares of no particular whole.
@@ -116,21 +116,13 @@ struct Effort {
 
 /// Rays of the light stages, relative to quality `good`.
 fn relative_effort(light: &LightOptions) -> Effort {
-    // Penumbra rays are sent from about 12 % of the texels; of these, interpolation gathers at about 4 %.
-    let rays = |light: &LightOptions| Effort {
-        direct: match (f64::from(light.direct.probe_rays), f64::from(light.direct.penumbra_rays)) {
-            (0.0, everywhere) => everywhere,
-            (probe, penumbra) => probe + 0.12 * penumbra,
-        },
-        solve: f64::from(light.solve.patches) * f64::from(light.solve.rays_per_patch),
-        gather: f64::from(light.gather.rays) * if light.gather.tolerance > 0.0 { 0.04 } else { 1.0 },
+    // Interpolation gathers at about 4 % of the texels.
+    let good = Quality::Good.light();
+    let [direct, solve, _] = growth(&good, light);
+    let gathered = |light: &LightOptions| {
+        f64::from(light.gather.rays) * if light.gather.tolerance > 0.0 { 0.04 } else { 1.0 }
     };
-    let (wanted, good) = (rays(light), rays(&Quality::Good.light()));
-    Effort {
-        direct: wanted.direct / good.direct,
-        solve: wanted.solve / good.solve,
-        gather: wanted.gather / good.gather,
-    }
+    Effort { direct, solve, gather: gathered(light) / gathered(&good) }
 }
 
 #[cfg(test)]

@@ -36,6 +36,11 @@ pub struct Anew {
     pub reflected: bool,
 }
 
+impl Anew {
+    /// All light.
+    pub const ALL: Self = Self { direct: true, reflected: true };
+}
+
 impl Step {
     /// Whether shadow rays of its own make the direct light better together with others: few probes all miss the same shadows.
     fn blends_direct(&self) -> bool {
@@ -54,7 +59,7 @@ impl Step {
 
     /// All light at one effort.
     pub fn whole(effort: Effort) -> Self {
-        Self { effort, anew: Anew { direct: true, reflected: true } }
+        Self { effort, anew: Anew::ALL }
     }
 }
 
